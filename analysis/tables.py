@@ -99,7 +99,7 @@ def to_html(table: Table, rows: Sequence[Row]) -> str:
     kinds = [' class="number"' if all(isinstance(row.get(c), _NUMBER) for row in rows) else "" for c in shown]
     head = "".join(f'<th scope="col"{kind}>{html.escape(heading(c))}</th>' for c, kind in zip(shown, kinds, strict=True))
     body = "\n".join(
-        f'<tr id="{table.name}-{number}" class="{html.escape(str(row["verdict"]))}">'
+        f'<tr id="{table.name}-{number}" class="{html.escape(slug(row["verdict"]))}">'
         + "".join(f"<td{kind}>{html.escape(cell)}</td>" for cell, kind in zip(texts, kinds, strict=True))
         + "</tr>"
         for number, (row, texts) in enumerate(zip(rows, cells, strict=True), 1)
@@ -121,6 +121,11 @@ def text_of(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.3g}".replace("-", "−")
     return str(value)
+
+
+def slug(verdict: str) -> str:
+    """Return the name of a verdict as a class of the page."""
+    return verdict.replace(" ", "-")
 
 
 def heading(column: str) -> str:

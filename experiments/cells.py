@@ -121,9 +121,9 @@ def _values(rows: Frame, of: Values) -> NDArray:
     return np.asarray(rows[of] if isinstance(of, str) else of(rows) if callable(of) else of)
 
 
-def mean(of: Values, limits: tuple[float, float] = ANY) -> Estimator:
-    """Estimate the mean over units."""
-    return using(partial(statistics.mean, limits=limits), of)
+def mean(of: Values, limits: tuple[float, float] = ANY, on: str = "") -> Estimator:
+    """Estimate the mean over units. `limits` are those of the quantity, and `on` is the scale of the interval (`statistics.SCALES`)."""
+    return using(partial(statistics.mean, limits=limits, on=on), of)
 
 
 def difference(of: Values, by: str, first: str, second: str) -> Estimator:
@@ -131,19 +131,15 @@ def difference(of: Values, by: str, first: str, second: str) -> Estimator:
     return using(statistics.difference, *(lambda rows, kind=kind: _values(rows[rows[by] == kind], of) for kind in (first, second)))
 
 
-def rank_correlation(first: Values, second: Values, alternative: statistics.Alternative | None = "greater") -> Estimator:
+def rank_correlation(first: Values, second: Values) -> Estimator:
     """Estimate Spearman's rank correlation over units, with a permutation test."""
-    return using(partial(statistics.spearman, alternative=alternative), first, second)
+    return lambda rows, resamples, seed: statistics.spearman(_values(rows, first), _values(rows, second), seed)
 
 
-def mantel(columns: Sequence[str], permutations: int) -> Estimator:
+def mantel(columns: Sequence[str]) -> Estimator:
     """Estimate how well the distances between objects in the space of some columns agree between measurement and simulation."""
-
-    def estimate(rows: Frame, resamples: int, seed: int) -> Estimate:
-        first, second = (distances(per(list(columns), of)(rows).to_numpy()) for of in (MEASURED, TWIN))
-        return statistics.mantel(first, second, permutations, seed)
-
-    return estimate
+    first, second = (lambda rows, of=of: distances(per(list(columns), of)(rows).to_numpy()) for of in (MEASURED, TWIN))
+    return lambda rows, resamples, seed: statistics.mantel(first(rows), second(rows), seed)
 
 
 def distances(points: NDArray) -> NDArray[np.float64]:

@@ -1,9 +1,9 @@
-"""Build table rows with a claim, the figure of the paper and our result, and decide whether the claim holds."""
+"""Build table rows with a claim, the figure of the paper and our result, and judge the claim by the interval of the result."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -12,94 +12,111 @@ from numpy.typing import ArrayLike
 from experiments import statistics
 from experiments.statistics import Estimate
 from radartwin.config.config import Config
+from radartwin.runs.experiment import JUDGED, LIMITS, VERDICTS
 from radartwin.store.digest import spec_digest
 
 SHOWN_KEYS = 12  # largest number of store keys that a table cell lists; the run's result holds all keys
-NO_WIDTH = "the interval has no width"
-TOO_WIDE = "the interval is too wide to show no effect"
-LEVEL = 0.05  # a claim holds only if its corrected p value is below this
+ABOVE, BELOW, EQUAL = "above", "below", "none"  # directions of a claim; EQUAL is a claim of no effect
+PRIMARY = "primary"  # the family of the headline's claims; only to this family, Holm's correction applies
+SUPPORTED, SHOWN, UNDECIDED, CONTRADICTED, NOT_HERE = VERDICTS
+HOLDS, MISSES = LIMITS
 
 
-def verdict(holds: bool | None) -> str:
-    """Return "holds", "fails", or "untestable" for None."""
-    return "untestable" if holds is None else "holds" if holds else "fails"
+def judge(
+    value: float | None, low: float | None, high: float | None, bound: float | None, direction: str | None, null: float | None,
+    margin: float | None, reason: str = "",
+) -> str:  # fmt: skip
+    """Return the verdict on a row with a claim, from the columns of the row alone; "" for a row without a claim.
+
+    A verdict is the first that fits of: "not testable here" (a row with a reason); "supported" if the whole interval lies beyond the bound;
+    "direction shown" if it lies wholly beyond the null, which stands for no effect; "contradicted" if it lies wholly on the other side of
+    the bound; "undecided". A claim of no effect is supported by an interval within the margin around the null, and contradicted by one
+    wholly beyond the margin. An end of the interval that is None is infinite, and a value that is None decides nothing.
+
+    >>> [judge(0.3, low, high, 0.2, ABOVE, 0.0, None) for low, high in ((0.25, 0.4), (0.1, 0.4), (-0.1, 0.4), (0.05, 0.15), (-0.2, 0.1))]
+    ['supported', 'direction shown', 'undecided', 'direction shown', 'contradicted']
+    """
+    if not direction:
+        return ""
+    if reason:
+        return NOT_HERE
+    if value is None or not math.isfinite(value):
+        return UNDECIDED
+    low, high = (-math.inf if low is None else low), (math.inf if high is None else high)
+    if direction == EQUAL:
+        first, last = (null or 0.0) - (margin or 0.0), (null or 0.0) + (margin or 0.0)
+        return SUPPORTED if first <= low and high <= last else CONTRADICTED if high < first or low > last else UNDECIDED
+    assert bound is not None
+    if direction == BELOW:
+        low, high, bound, null = -high, -low, -bound, None if null is None else -null
+    if low > bound:
+        return SUPPORTED
+    if null is not None and low > null:
+        return SHOWN
+    return CONTRADICTED if high < bound else UNDECIDED
+
+
+def limit_kept(kept: bool | None) -> str:
+    """Return the verdict of an engineering table on one limit: "holds" or "misses", or "" for None."""
+    return "" if kept is None else HOLDS if kept else MISSES
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim about one table row, by the paper or by this project, with the condition that our result must meet so that the claim holds.
+    """A claim about one table row, by the paper or by this project, with the condition that our result must meet.
 
-    Bounds are minimum effects: a module states them before its table is computed (`gap_attribution` says where it did so later). A claim
-    without text is not judged.
+    Bounds are minimum effects. docs/findings.md says when they were written. A claim without text is not judged.
+
+    Attributes:
+        text: the claim in words. paper: the value in the paper.
+        bound, direction: the whole confidence interval must lie above or below the bound; for a claim of no effect (EQUAL), it must lie
+            within `margin` around `null`.
+        null: value that stands for no effect; None stands for the bound.
+        least: smallest number of items that have an interval; a figure that is no estimate has 1.
+        limit: whether the claim is a limit of an engineering table, which says "holds" or "misses".
+        untestable: reason why this testbed cannot decide the claim by construction.
     """
 
-    text: str = ""  # the claim in words
-    paper: str = ""  # the value in the paper
-    above: float = -math.inf  # our whole confidence interval must lie above this value
-    below: float = math.inf  # our whole confidence interval must lie below this value
-    contains: float | None = None  # value from which our whole interval may differ by at most `margin`; used for a claim of no effect
-    reaches: float | None = None  # value that our interval must not exceed; used for a claim that the quantity is at most this value
-    margin: float = 0.0  # largest deviation from `contains` or `reaches` that still counts as no effect
-    p_below: float | None = None  # our p value must be smaller than this
-    least: int = 2  # smallest number of items for a verdict; the default is 2, because a single item has no interval
-    untestable: str = ""  # reason why these recordings cannot decide the claim
+    text: str = ""
+    paper: str = ""
+    bound: float | None = None
+    direction: str = ABOVE
+    null: float | None = None
+    margin: float | None = None
+    least: int = 2
+    limit: bool = False
+    untestable: str = ""
 
-    @property
-    def bounds_an_effect(self) -> bool:
-        return (self.above, self.below) != (-math.inf, math.inf)
+    def columns(self, found: Estimate) -> dict[str, Any]:
+        """Return the columns of a row from which the verdict follows, with the verdict; an estimate without an error has no interval."""
+        if not self.text or (self.bound is None and self.null is None):
+            return {**dict.fromkeys(JUDGED), "reason": "", "verdict": ""}
+        bound, null = (self.null if self.bound is None else self.bound), (self.bound if self.null is None else self.null)
+        assert bound is not None
+        assert null is not None
+        if found.n < self.least or (self.least > 1 and found.drawn is not None and found.low == found.high):
+            found = replace(found, low=-math.inf, high=math.inf)
+        judged = [*map(_finite, (found.value, found.low, found.high)), bound, self.direction, null, self.margin, self.untestable]
+        word = judge(*judged)  # type: ignore[arg-type]
+        wide = math.isfinite(found.low) or math.isfinite(found.high)
+        return {
+            "bound": bound, "direction": self.direction, "null": null, "margin": self.margin, "level": statistics.LEVEL,
+            "family": "", "test": found.test, "unit": found.unit, "p": _finite(found.p(null)) if wide else None,
+            "freedom": found.degrees,
+            "interval_scale": found.scale,
+            "lowest": _finite(found.limits[0]),
+            "highest": _finite(found.limits[1]), "reason": self.untestable, "low": judged[1], "high": judged[2],
+            "verdict": limit_kept(word == SUPPORTED) if self.limit else word,
+        }  # fmt: skip
 
-    @property
-    def bounded(self) -> bool:
-        """Whether the claim states a condition on our interval."""
-        return self.bounds_an_effect or (self.contains, self.reaches) != (None, None)
 
-    def judge(self, found: Estimate) -> tuple[str, str]:
-        """Return the verdict "holds", "fails" or "untestable" on an estimate, and the reason for "untestable"."""
-        if not self.text or self.untestable:
-            return "untestable", self.untestable
-        if not math.isfinite(found.value) or math.isnan(found.low) or math.isnan(found.high):
-            return "untestable", "the value is not finite"
-        if found.n < self.least:
-            return "untestable", f"{found.n} of at least {self.least} items"
-        if found.drawn is not None and found.low == found.high:
-            return "untestable", NO_WIDTH
-        if self.contains is not None or self.reaches is not None:
-            return self._judge_no_effect(found)
-        if self.p_below is not None and found.least_p >= self.p_below:
-            return "untestable", f"p is {found.least_p:.2g} or more for so few items"
-        true = (self.above == -math.inf or self.above < found.low) and (self.below == math.inf or found.high < self.below)
-        true &= self.p_below is None or found.p < self.p_below
-        return verdict(true), ""
+def within(text: str, low: float, high: float, **fields: Any) -> Claim:
+    """Return the claim that a quantity lies from `low` to `high`, which is a claim of no effect around their mean."""
+    return Claim(text, direction=EQUAL, null=(low + high) / 2, margin=(high - low) / 2, **fields)
 
-    def _judge_no_effect(self, found: Estimate) -> tuple[str, str]:
-        """Judge a claim of no effect. The claim holds if the whole interval is within the margin around the stated value, and fails if the
-        interval excludes this value.
-        """
-        both_sides = self.contains is not None
-        value = self.contains if self.contains is not None else self.reaches
-        assert value is not None
-        if found.high <= value + self.margin and (not both_sides or value - self.margin <= found.low):
-            return "holds", ""
-        if found.low > value or (both_sides and found.high < value):
-            return "fails", ""
-        return "untestable", TOO_WIDE
 
-    def p_of(self, found: Estimate) -> float:
-        """Return the p value of the claim: that of the claim's own test, or else the one that follows from the interval and the bounds.
-
-        With two bounds, the p value is the larger one. A claim without its own test has the p value NaN if it states no minimum effect, or
-        if the interval does not come from a bootstrap.
-        """
-        if self.p_below is not None:
-            return found.p
-        if found.drawn is None or not self.bounds_an_effect:
-            return math.nan
-        p = []
-        for bound, beyond in ((self.above, found.value > self.above), (self.below, found.value < self.below)):
-            if math.isfinite(bound):
-                one = found.p_beyond(bound)
-                p.append(one if beyond else 1 - one)
-        return max(p)
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 NONE = Claim()
@@ -127,15 +144,16 @@ class Row(dict[str, Any]):
 
     def __post_init__(self) -> None:
         found = self.found
-        value, low, high = (one if math.isfinite(one) else None for one in (found.value, found.low, found.high))
-        verdict, reason = self.claim.judge(found)
+        assert not set(self.case) & set(JUDGED), f"a column of {self.metric} has the name of a column of its claim"
+        value, low, high = map(_finite, (found.value, found.low, found.high))
+        judged = self.claim.columns(found)
         n = self.count if self.count is not None else len(self.recordings) or found.n
         self.update(
             {
-                **self.case, "claim": self.claim.text, "p": None if math.isnan(found.p) else found.p, "reason": reason, "items": found.n,
+                **self.case, "claim": self.claim.text, **{name: judged[name] for name in (*JUDGED, "reason")}, "items": found.n,
                 "seed": self.config.seed, "run_keys": told(self.recordings), "metric": self.metric, "paper": self.claim.paper,
-                "value": value, "low": low, "high": high, "n": n,
-                "domain": self.domain or self.config.measured.provider, "verdict": verdict,
+                "value": value, "low": judged.get("low", low), "high": judged.get("high", high), "n": n,
+                "domain": self.domain or self.config.measured.provider, "verdict": judged["verdict"],
             }
         )  # fmt: skip
 
@@ -144,7 +162,7 @@ def row(config: Config, case: Mapping[str, Any], metric: str, found: Estimate, k
     """Build one table row from the columns `case`, an estimate, the store keys of the recordings used, and the claim.
 
     Column n shows the number of recordings if the row has store keys, else the number of items; the verdict always uses the number of
-    items. A value or bound that is not finite becomes None. A row whose value is None has the verdict "untestable".
+    items. A value or end of an interval that is not finite becomes None.
     """
     return Row(case, metric, found, frozenset(keys), claim, config)
 
@@ -173,35 +191,13 @@ class RowList(list[Row]):
 
     def add_mean(
         self, case: Mapping[str, Any], metric: str, samples: ArrayLike, keys: Iterable[str], claim: Claim = NONE,
-        limits: tuple[float, float] = statistics.ANY,
+        limits: tuple[float, float] = statistics.ANY, on: str = "",
     ) -> Row:  # fmt: skip
         """Append one row with the mean of the samples and its confidence interval from a bootstrap over the samples.
 
         Args:
             limits: smallest and largest value that the quantity can have.
+            on: scale of the interval (`statistics.SCALES`).
         """
-        return self.add(case, metric, statistics.mean(samples, self.config.profile.resamples, self.config.seed, limits), keys, claim)
-
-
-def corrected(rows: Sequence[Row]) -> list[Row]:
-    """Return the rows with verdicts from p values that are corrected for the number of tests.
-
-    The rows whose claim has a p value (`Claim.p_of`) are one family of tests. A claim of the family holds only if its corrected p value is
-    also below LEVEL. A claim whose smallest possible p value would not be below LEVEL after the correction is untestable. Column p_holm
-    shows the p value after Holm's correction (S. Holm, Scandinavian Journal of Statistics 6 (1979) 65), and column p the p value of the
-    single test.
-    """
-    single = {id(one): one.claim.p_of(one.found) for one in rows if one["verdict"] != "untestable"}
-    single = {key: p for key, p in single.items() if not math.isnan(p)}
-    adjusted = dict(zip(single, statistics.holm(list(single.values())), strict=True))
-    out = []
-    for one in rows:
-        judged = one
-        if (p := adjusted.get(id(one))) is not None:
-            claim = replace(one.claim, p_below=one.claim.p_below or LEVEL)
-            least = 0.0 if one.claim.p_below is None else one.found.least_p
-            tests = sum(other >= least for other in single.values())  # Holm multiplies the smallest possible p value by this number
-            judged = replace(one, found=replace(one.found, p=p, least_p=min(1.0, tests * least)), claim=claim)
-        judged |= {"p": single.get(id(one), one["p"]), "p_holm": p}
-        out.append(judged)
-    return out
+        found = statistics.mean(samples, self.config.profile.resamples, self.config.seed, limits, on=on)
+        return self.add(case, metric, found, keys, claim)

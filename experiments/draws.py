@@ -19,8 +19,9 @@ from experiments.campaign.campaign import joined as joined_tasks
 from experiments.campaign.cases import MEASURED, ROVER, Case, draws
 from experiments.campaign.frame import Frame, shared, stored
 from experiments.campaign.schedule import RecordingTask
-from experiments.claims import Claim, Row, corrected
+from experiments.claims import Claim, Row
 from radartwin.config.config import Config
+from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result
 from radartwin.store.products import Store
@@ -92,7 +93,7 @@ def exact_objects(config: Config) -> list[Config]:
     if not config.profile.exact_objects or config.measured.provider != "testbed":
         return []
     gap = replace(config.measured.gap, **dict.fromkeys(OBJECT_GAPS, 0.0))
-    return [replace(config, measured=replace(config.measured, gap=gap, draw=config.measured.draw or 0))]
+    return [replace(config, measured=replace(config.measured, gap=gap, draw=numbers(config)[0]))]
 
 
 def frame(config: Config, store: Store, progress: Progress, motions: Sequence[str], unknown: bool = False) -> Frame:
@@ -142,19 +143,21 @@ def beside(rows: Sequence[Mapping[str, Any]], column: Mapping[str, str], kept: C
         assert isinstance(row, Row), f"{row['metric']} is no Row"
         if kept(row):
             found.append(replace(row, case={**row.case, **column}, claim=Claim(paper=row.claim.paper)))
-            found[-1] |= {"p": row["p"], "p_holm": None, "draws": row.get("draws")}  # `corrected` has put another p value into the estimate
+            found[-1]["draws"] = row.get("draws")
     return found
 
 
 def numbers(config: Config, rover: bool = False) -> list[int]:
-    """Return the indices of the draws that a table reads. A recording set is a single draw.
-
-    If the configured draw is greater than the last draw of these recordings, the table reads the last draw.
+    """Return the numbers of the draws that a table reads. A recording set is a single draw. Raises ConfigError for a configured draw that
+    the campaign lacks.
     """
     if config.measured.provider != "testbed":
         return [0]
-    count = draws(config.profile.campaign, rover)
-    return list(range(count)) if config.measured.draw is None else [min(config.measured.draw, count - 1)]
+    known, draw = draws(config.profile.campaign, rover), config.measured.draw
+    if draw is not None and draw not in known:
+        kind = "drives" if rover else "turntable and rail"
+        raise ConfigError(f"measured.draw={draw}: the draws of {kind} are {known[0]} to {known[-1]} in profile={config.profile.name}")
+    return list(known) if draw is None else [draw]
 
 
 def joined(results: Sequence[Result]) -> Result:
@@ -170,7 +173,7 @@ def joined_rows(draws: Iterable[Iterable[Mapping[str, Any]]]) -> list[Row]:
     """Join the rows of several draws of one table.
 
     A joined row is the mean over the draws that have this row (column draws; see statistics.over_draws). Bounds of a claim that depend on
-    the draw are averaged. The verdicts use p values that are corrected for the number of tests.
+    the draw are averaged.
     """
     found: dict[tuple[Any, ...], list[Row]] = {}
     for rows in draws:
@@ -178,7 +181,7 @@ def joined_rows(draws: Iterable[Iterable[Mapping[str, Any]]]) -> list[Row]:
             assert isinstance(row, Row), f"{row['metric']} is no Row"
             fixed = ((name, value) for name, value in row.case.items() if name not in (*AVERAGED, *SUMMED))
             found.setdefault((row.metric, *fixed), []).append(row)
-    out = corrected([_joined(some) for some in found.values()])
+    out = [_joined(some) for some in found.values()]
     for row, some in zip(out, found.values(), strict=True):
         row["draws"] = len(some)
     return out
@@ -205,9 +208,9 @@ def _joined(rows: Sequence[Row]) -> Row:
 
 
 def _claim(claims: Sequence[Claim]) -> Claim:
-    """Return the claim of several draws, with the mean of each bound. The joined claim is untestable if most draws cannot decide it."""
+    """Return the claim of several draws, with the mean of each bound. The joined claim cannot be decided if most draws cannot decide it."""
     bounds = {}
-    for name in ("above", "below", "contains", "reaches"):
+    for name in ("bound", "null"):
         values = [getattr(claim, name) for claim in claims]
         bounds[name] = values[0] if len(set(values)) == 1 else float(np.mean(values))
     reasons = [claim.untestable for claim in claims if claim.untestable]

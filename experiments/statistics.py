@@ -1,14 +1,17 @@
-"""Statistical estimates as the tables print them: value, confidence interval, p value, and number of items.
+"""Statistical estimates as the tables print them: value, confidence interval with the test that it inverts, and number of items.
 
-Every random draw uses the seed that the caller gives. All intervals are 95 % confidence intervals.
+Every random draw uses the seed that the caller gives. All intervals are 95 % confidence intervals. A p value always follows from the
+interval (`p_value`), so that the interval excludes a value exactly if its p value is below 0.05.
 """
 
 from __future__ import annotations
 
+import functools
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,9 +19,19 @@ from numpy.typing import ArrayLike, NDArray
 from radartwin.errors import InputError
 from radartwin.recognize import score
 
-Alternative = Literal["greater", "less", "two-sided"]
-PERMUTATIONS = 9_999  # number of random permutations of a test that does not use all permutations
+PERMUTATIONS = 9_999  # largest number of permutations of a test; fewer items are permuted in all ways
+LEVEL = 0.95  # level of all intervals, except those of the primary claims (experiments.gaps.headline)
 ANY, SHARE, SIGNED = (-math.inf, math.inf), (0.0, 1.0), (-1.0, 1.0)  # limits; SIGNED is for correlations and differences of shares
+POSITIVE = (0.0, math.inf)
+# The scale on which an interval is symmetric, and its inverse: correlations have Fisher's z (a correlation of 1 counts as 1 - 1e-6), and
+# ratios of positive quantities have their logarithm.
+FISHER, LOG = "Fisher's z", "logarithm"
+SCALES: dict[str, tuple[Callable[[Any], Any], Callable[[Any], Any]]] = {
+    "": (np.asarray, np.asarray),
+    FISHER: (lambda r: np.arctanh(np.clip(r, 1e-6 - 1, 1 - 1e-6)), np.tanh),
+    LOG: (lambda ratio: np.log(np.maximum(ratio, 1e-300)), np.exp),
+}
+STUDENT, PERMUTATION, BINOMIAL = "Student's t", "permutation", "exact binomial"
 
 
 @dataclass(frozen=True)
@@ -26,42 +39,157 @@ class Estimate:
     """An estimate from n items with its confidence interval, low <= value <= high.
 
     Attributes:
-        p: p value against the hypothesis of no effect, and NaN if no test was made.
-        freedom: degrees of freedom of the interval, from which `p_beyond` follows; None stands for n - 1.
         drawn: (resamples,) the estimates of the bootstrap samples, or None if the interval does not come from a bootstrap.
         limits: smallest and largest value that the quantity can have, such as -1 and 1 of a correlation.
-        least_p: smallest p value that the test can give for so many items, such as 1/24 if it permutes four items; 0 without a test.
+        freedom: degrees of freedom of the interval, from which `p` and `at_level` follow; None stands for n - 1.
+        scale: scale on which the interval is symmetric, a key of SCALES.
+        shuffled: (permutations,) the estimates with permuted objects, or None if the test is no permutation test.
+        closed: whether the objects are the classes of a closed set, so that only the spread over draws is an error.
+        test: name of the test that the interval inverts. unit: what the test permutes or resamples.
     """
 
     value: float
     low: float
     high: float
     n: int
-    p: float = float("nan")
     drawn: NDArray[np.floating] | None = field(default=None, repr=False, compare=False)
     limits: tuple[float, float] = ANY
     freedom: float | None = None
-    least_p: float = 0.0
+    scale: str = ""
+    shuffled: NDArray[np.floating] | None = field(default=None, repr=False, compare=False)
+    closed: bool = False
+    test: str = STUDENT
+    unit: str = "recordings"
 
-    def p_beyond(self, bound: float) -> float:
-        """Return the one-sided p value against the hypothesis that the true value is on the other side of `bound` than the estimate.
+    @property
+    def degrees(self) -> float:
+        return max(self.n - 1, 1) if self.freedom is None else self.freedom
 
-        The p value is that of Student's t distribution with the same interval, so that p is 0.025 if the bound is at an end of the
-        interval. The p value does not come from the bootstrap samples, because the samples of few items or draws have no tails. NaN if the
-        interval has no width.
+    def p(self, null: float) -> float:
+        """Return the two-sided p value against the hypothesis that the true value is `null`; NaN if the interval has no width.
+
+        It is that of the permutation test if `null` is the mean of the permuted estimates, where an interval that ends at a limit of the
+        quantity would give a smaller one.
         """
-        from scipy.stats import t
+        if self.shuffled is not None and math.isclose(null, float(self.shuffled.mean()), abs_tol=1e-12):
+            return permutation_p(self.value, self.shuffled)
+        return p_value(self.value, self.low, self.high, null, self.degrees, self.scale)
 
-        freedom = max(self.n - 1, 1) if self.freedom is None else self.freedom
-        half = self.value - self.low if bound <= self.value else self.high - self.value
-        if half <= 0:
-            return math.nan
-        return float(t.sf(abs(self.value - bound) / half * t.ppf(0.975, freedom), freedom))
+
+def p_value(value: float, low: float, high: float, null: float, freedom: float, scale: str = "") -> float:
+    """Return the two-sided p value of Student's t test that the 95 % interval from `low` to `high` inverts, so that p is 0.05 if `null` is
+    at an end of the interval. NaN if the interval has no width on this side.
+    """
+    from scipy.special import stdtr
+
+    middle, end, at = (float(SCALES[scale][0](one)) for one in (value, low if null <= value else high, null))
+    if end == middle:
+        return math.nan
+    return float(2 * stdtr(freedom, -abs((middle - at) / (middle - end)) * _quantile(LEVEL, freedom)))
+
+
+def _quantile(level: float, freedom: float) -> float:
+    """Return the value that Student's t exceeds in size with the probability 1 - level."""
+    from scipy.special import stdtrit
+
+    return float(-stdtrit(freedom, (1 - level) / 2))
+
+
+def at_level(value: float, low: float, high: float, level: float, freedom: float, scale: str = "") -> tuple[float, float]:
+    """Return the ends of the interval at another level, given the ends of the 95 % interval. The limits of the quantity are not known here.
+
+    >>> at_level(0.0, -1.0, 2.0, 0.95, 9)
+    (-1.0, 2.0)
+    """
+    forward, back = SCALES[scale]
+    ratio = _quantile(level, freedom) / _quantile(LEVEL, freedom)
+    middle = float(forward(value))
+    first, last = (float(back(middle + ratio * (float(forward(end)) - middle))) for end in (low, high))
+    return min(first, value), max(last, value)
+
+
+def students_t(samples: ArrayLike, limits: tuple[float, float] = ANY, unit: str = "draws") -> Estimate:
+    """Return the mean of independent samples with its interval by Student's t distribution; equal samples decide nothing.
+
+    >>> found = students_t([0.0, 0.1, 0.2], SIGNED)
+    >>> round(found.low, 3), round(found.value, 3), round(found.high, 3)
+    (-0.148, 0.1, 0.348)
+    """
+    samples = np.asarray(samples, float)
+    value, count = float(samples.mean()), len(samples)
+    half = float(_quantile(LEVEL, count - 1) * np.std(samples, ddof=1) / np.sqrt(count)) if np.ptp(samples) > 0 else math.inf
+    low, high = np.clip([value - half, value + half], *limits)
+    return Estimate(value, float(low), float(high), count, limits=limits, unit=unit)
+
+
+def interval_of_p(value: float, null: float, p: float, n: int, limits: tuple[float, float] = ANY, scale: str = "") -> Estimate:
+    """Return an estimate over n objects with the interval that agrees with the two-sided p value of a permutation test against `null`.
+
+    The interval is test-based (O. Miettinen, American Journal of Epidemiology 103 (1976) 226): the standard error is the distance between
+    the estimate and `null`, over the quantile of p. An estimate that is not beyond most permuted ones (p of at least 0.5) spans all values.
+    """
+    forward, back = SCALES[scale]
+    freedom, middle = max(n - 1, 1), float(forward(value))
+    error = abs(middle - float(forward(null))) / _quantile(1 - p, freedom) if p < 0.5 else math.inf
+    low, high = np.clip(back(middle + error * _quantile(LEVEL, freedom) * np.array([-1, 1])), *limits)
+    low, high = min(float(low), value), max(float(high), value)
+    return Estimate(value, low, high, n, None, limits, freedom, scale, test=PERMUTATION, unit="objects")
+
+
+def permuted(value: float, shuffled: NDArray, n: int, limits: tuple[float, float] = ANY, scale: str = "") -> Estimate:
+    """Return an estimate over n objects with the interval that inverts its permutation test (see `interval_of_p`).
+
+    An estimate that is not beyond most of the permuted estimates has their standard deviation as standard error.
+
+    Args:
+        shuffled: (permutations,) the estimates with permuted objects, including that of the original order.
+    """
+    p = permutation_p(value, shuffled)
+    found = interval_of_p(value, float(shuffled.mean()), p, n, limits, scale)
+    if p >= 0.5 and np.ptp(shuffled) > 0:
+        forward, back = SCALES[scale]
+        half = float(np.std(forward(shuffled))) * _quantile(LEVEL, found.degrees)
+        low, high = np.clip(back(float(forward(value)) + half * np.array([-1, 1])), *limits)
+        found = replace(found, low=min(float(low), value), high=max(float(high), value))
+    return replace(found, shuffled=shuffled)
+
+
+def permutation_p(value: float, shuffled: NDArray) -> float:
+    """Return twice the share of the permuted estimates that are at least as far on the side of the estimate, at most 1."""
+    return min(1.0, 2 * min(float(np.mean(shuffled >= value - 1e-12)), float(np.mean(shuffled <= value + 1e-12))))
+
+
+def orders(count: int, seed: int) -> NDArray[np.int64]:
+    """Return permutations (permutations, count): all of them, or PERMUTATIONS random ones after the original order.
+
+    >>> orders(3, 0).shape, orders(12, 0).shape
+    ((6, 3), (10000, 12))
+    """
+    return _orders(count, seed, PERMUTATIONS)
+
+
+@functools.lru_cache(maxsize=8)
+def _orders(count: int, seed: int, most: int) -> NDArray[np.int64]:
+    if math.factorial(count) <= most:
+        return np.array(list(itertools.permutations(range(count))))
+    rng = np.random.default_rng([seed, 0xA1])
+    return np.concatenate([np.arange(count)[None], rng.permuted(np.tile(np.arange(count), (most, 1)), axis=1)])
+
+
+def sign_flipped(values: NDArray, seed: int, limits: tuple[float, float] = ANY) -> Estimate:
+    """Return the mean of paired differences of objects (objects,) with the permutation test that swaps the two members of pairs."""
+    count = len(values)
+    if 2**count <= PERMUTATIONS:
+        signs = np.array(list(itertools.product((1, -1), repeat=count)))
+    else:
+        signs = np.random.default_rng([seed, 0xA2]).choice([1, -1], (PERMUTATIONS + 1, count))
+        signs[0] = 1
+    return permuted(float(values.mean()), signs @ values / count, count, limits)
 
 
 def mean(
     samples: ArrayLike, resamples: int, seed: int, limits: tuple[float, float] = ANY,
-    scale: Callable[[NDArray[np.float64]], NDArray[np.float64]] = np.asarray,
+    scale: Callable[[NDArray[np.float64]], NDArray[np.float64]] = np.asarray, on: str = "",
 ) -> Estimate:  # fmt: skip
     """Return the mean of the samples with its confidence interval from a bootstrap over the samples, widened for few samples.
 
@@ -70,6 +198,7 @@ def mean(
     Args:
         scale: increasing function that converts means to the unit of the result, such as amplitudes to decibels. The interval is widened
             in this unit, because a widened interval of amplitudes could extend below zero.
+        on: scale of SCALES on which the interval is widened, such as FISHER for correlations.
 
     >>> mean([2.0], 100, 0).low
     2.0
@@ -79,12 +208,13 @@ def mean(
     samples = np.asarray(samples, float)
     value = float(scale(samples.mean()))
     if len(samples) < 2:
-        return replace(exact(value, len(samples)), limits=limits)
+        return replace(exact(value, len(samples)), limits=limits, scale=on)
     if np.ptp(samples) == 0:
         return resampled(value, np.full(resamples, value), len(samples), limits)
     found: Any = bootstrap((samples,), np.mean, n_resamples=resamples, method="percentile", rng=np.random.default_rng(seed))
-    drawn = widened(scale(found.bootstrap_distribution), value, len(samples))
-    return resampled(value, np.clip(drawn, *limits), len(samples), limits)
+    forward, back = SCALES[on]
+    drawn = back(widened(forward(scale(found.bootstrap_distribution)), float(forward(value)), len(samples)))
+    return replace(resampled(value, np.clip(drawn, *limits), len(samples), limits), scale=on)
 
 
 def widening(n: int) -> float:
@@ -98,11 +228,14 @@ def widening(n: int) -> float:
     >>> round(widening(3), 2), round(widening(1000), 2), widening(1)
     (2.69, 1.0, 1.0)
     """
-    from scipy.stats import norm, t
+    return math.sqrt(n / (n - 1)) * _tail(n - 1) if n > 1 else 1.0
 
-    if n < 2:
-        return 1.0
-    return float(np.sqrt(n / (n - 1)) * t.ppf(0.975, n - 1) / norm.ppf(0.975))
+
+def _tail(freedom: float) -> float:
+    """Return the 97.5 % quantile of Student's t distribution over that of the normal distribution."""
+    from scipy.stats import norm
+
+    return float(_quantile(LEVEL, freedom) / norm.isf((1 - LEVEL) / 2))
 
 
 def widened(drawn: NDArray, value: float, n: int) -> NDArray:
@@ -125,7 +258,8 @@ def clustered(
     value, drawn = score.seed_mean(np.asarray(values, float), clusters, resamples, seed, classes)
     kinds = np.zeros(len(clusters), int) if classes is None else classes
     fewest = min(np.unique(clusters[kinds == one]).size for one in np.unique(kinds))
-    return resampled(value, np.clip(widened(drawn, value, fewest), *limits), np.unique(clusters).size, limits)
+    found = resampled(value, np.clip(widened(drawn, value, fewest), *limits), np.unique(clusters).size, limits)
+    return replace(found, freedom=max(fewest - 1, 1), unit="objects")
 
 
 def difference(first: NDArray, second: NDArray, resamples: int, seed: int) -> Estimate:
@@ -143,7 +277,7 @@ def difference(first: NDArray, second: NDArray, resamples: int, seed: int) -> Es
     for some, sign in ((first, 1), (second, -1)):
         means = some[rng.integers(len(some), size=(resamples, len(some)))].mean(axis=1)
         drawn += sign * widened(means, float(some.mean()), len(some))
-    return resampled(float(np.mean(first) - np.mean(second)), drawn, min(len(first), len(second)))
+    return replace(resampled(float(np.mean(first) - np.mean(second)), drawn, min(len(first), len(second))), unit="objects")
 
 
 def exact(value: float, n: int) -> Estimate:
@@ -157,45 +291,24 @@ def resampled(value: float, drawn: ArrayLike, n: int, limits: tuple[float, float
     return Estimate(value, *_interval(drawn, value), n, limits=limits, drawn=drawn)
 
 
-def spearman(first: ArrayLike, second: ArrayLike, resamples: int, seed: int, alternative: Alternative | None = "greater") -> Estimate:
-    """Compute Spearman's rank correlation over items, with a bootstrap interval over items and a permutation p value.
-
-    For few items, p is exact over all pairings of the two inputs; for more items, p uses 9,999 random pairings. With alternative=None no p
-    value is computed. Raises InputError for fewer than three items, or if all values of one input are equal.
-    """
-    from scipy.stats import permutation_test, rankdata
+def rank_correlation(first: ArrayLike, second: ArrayLike) -> float:
+    """Return Spearman's rank correlation. Raises InputError for fewer than three items, or if all values of one input are equal."""
+    from scipy.stats import rankdata
 
     first, second = np.asarray(first, float), np.asarray(second, float)
     if first.shape != second.shape or first.ndim != 1 or len(first) < 3 or not (np.isfinite(first).all() and np.isfinite(second).all()):
         raise InputError(f"a correlation needs three or more finite pairs, not {first.shape} and {second.shape}")
     if np.ptp(first) == 0 or np.ptp(second) == 0:
         raise InputError("a correlation needs values that differ; one of the two is constant")
-    rng = np.random.default_rng(seed)
-    ranks = rankdata(second)
-    value = float(_r(rankdata(first), ranks))
-    chosen = rng.integers(len(first), size=(resamples, len(first)))
-    found = resampled(value, _r(rankdata(first[chosen], axis=-1), rankdata(second[chosen], axis=-1)), len(first), SIGNED)
-    if alternative is None:
-        return found
-    tested: Any = permutation_test(
-        (rankdata(first),),
-        lambda x, axis: _r(x, ranks),
-        permutation_type="pairings",
-        vectorized=True,
-        alternative=alternative,
-        rng=rng,
-        n_resamples=PERMUTATIONS,
-    )
-    return replace(found, p=float(tested.pvalue), least_p=least_permutation_p(len(first)) * (2 if alternative == "two-sided" else 1))
+    return float(_r(rankdata(first), rankdata(second)))
 
 
-def least_permutation_p(n: int, permutations: int = PERMUTATIONS) -> float:
-    """Return the smallest p value of a test that permutes n items, in all ways or in `permutations` random ways.
+def spearman(first: ArrayLike, second: ArrayLike, seed: int) -> Estimate:
+    """Compute Spearman's rank correlation over objects with its permutation test on Fisher's scale (see `permuted`)."""
+    from scipy.stats import rankdata
 
-    >>> round(least_permutation_p(4), 4), least_permutation_p(20)
-    (0.0417, 0.0001)
-    """
-    return max(1 / math.factorial(n), 1 / (permutations + 1))
+    value, ranks = rank_correlation(first, second), rankdata(second)
+    return permuted(value, _r(rankdata(first), ranks[orders(len(ranks), seed)]), len(ranks), SIGNED, FISHER)
 
 
 def correlation(first: NDArray, second: NDArray) -> float:
@@ -203,13 +316,11 @@ def correlation(first: NDArray, second: NDArray) -> float:
     return float(np.corrcoef(first, second)[0, 1]) if np.ptp(first) > 0 and np.ptp(second) > 0 else 0.0
 
 
-def mantel(first: ArrayLike, second: ArrayLike, permutations: int, seed: int) -> Estimate:
+def mantel(first: ArrayLike, second: ArrayLike, seed: int) -> Estimate:
     """Mantel test: correlation of two (n, n) distance matrices over the same objects. Ref: N. Mantel, Cancer Research 27 (1967).
 
-    p is the share of random permutations of the objects whose correlation is at least as high as that of the original order. The original
-    order counts as one permutation, so p is at least 1 / (permutations + 1). The confidence interval of the Mantel correlation comes from
-    a bootstrap over objects; pairs of an object with itself are left out. Raises InputError if the inputs are not distance matrices of the
-    same three or more objects, or if all distances of one matrix are equal.
+    The test permutes the objects of one matrix; the interval is on Fisher's scale (see `permuted`). Raises InputError if the inputs are not
+    distance matrices of the same three or more objects, or if all distances of one matrix are equal.
     """
     first, second = (np.asarray(matrix, float) for matrix in (first, second))
     count = len(first)
@@ -217,37 +328,24 @@ def mantel(first: ArrayLike, second: ArrayLike, permutations: int, seed: int) ->
         raise InputError(f"Mantel test: give two square matrices of the same three or more objects, not {first.shape} and {second.shape}")
     if not all(np.isfinite(m).all() and np.allclose(m, m.T) for m in (first, second)):
         raise InputError("Mantel test: a distance matrix must be finite and symmetric")
-    upper = np.triu_indices(count, 1)
-    value = float(_r(first[upper], second[upper]))
-    if np.isnan(value):
+    rows, columns = np.triu_indices(count, 1)
+    if not (np.ptp(first[rows, columns]) and np.ptp(second[rows, columns])):
         raise InputError("Mantel test: all distances of one matrix are equal")
-    rng = np.random.default_rng(seed)
-    shuffled = [rng.permutation(count) for _ in range(permutations)]
-    as_good = sum(bool(_r(first[upper], second[np.ix_(order, order)][upper]) >= value - 1e-12) for order in shuffled)
-    drawn = []
-    for _ in range(permutations):
-        chosen = rng.integers(count, size=count)
-        a, b = chosen[upper[0]], chosen[upper[1]]
-        if np.sum(a != b) > 2:  # a sample that repeats one object has no pairs
-            drawn.append(_r(first[a, b][a != b], second[a, b][a != b]))
-    return replace(
-        resampled(value, drawn, count, SIGNED), p=(as_good + 1) / (permutations + 1), least_p=least_permutation_p(count, permutations)
-    )
+    shuffled = orders(count, seed)
+    shuffled = _r(first[rows, columns], second[shuffled[:, rows], shuffled[:, columns]])
+    return permuted(float(_r(first[rows, columns], second[rows, columns])), shuffled, count, SIGNED, FISHER)
 
 
-def share(successes: int, trials: int, chance: float = 0.5) -> Estimate:
+def share(successes: float, trials: int) -> Estimate:
     """Return the share of successes among the trials with its exact binomial confidence interval.
 
-    p is the probability of at least as many successes if each trial succeeds with the probability `chance`.
-
-    >>> round(share(9, 9).p, 6)
-    0.001953
+    >>> share(9, 9).low > 0.66
+    True
     """
     if not 0 <= successes <= trials or trials < 1:
         raise InputError(f"a share needs one trial or more: {successes} of {trials}")
     low, value, high = score.exact_interval(successes / trials, trials)
-    least = score.binomial_p(trials, trials, chance)
-    return Estimate(value, low, high, trials, score.binomial_p(successes, trials, chance), limits=SHARE, least_p=least)
+    return Estimate(value, low, high, trials, limits=SHARE, test=BINOMIAL, unit="trials")
 
 
 def coefficient_of_variation(samples: ArrayLike, resamples: int, seed: int) -> Estimate:
@@ -269,54 +367,51 @@ def coefficient_of_variation(samples: ArrayLike, resamples: int, seed: int) -> E
     return resampled(value, drawn, len(samples), (0.0, math.inf))
 
 
-def holm(p: ArrayLike) -> NDArray[np.float64]:
-    """Return Holm's corrected p values of a family of tests, in the order of the given p values.
-
-    >>> holm([0.01, 0.04, 0.03]).round(3).tolist()
-    [0.03, 0.06, 0.06]
-    """
-    p = np.asarray(p, float)
-    order = np.argsort(p)
-    out = np.empty(len(p))
-    out[order] = np.minimum(np.maximum.accumulate(p[order] * np.arange(len(p), 0, -1)), 1.0)
-    return out
-
-
 def over_draws(found: Sequence[Estimate], resamples: int, seed: int) -> Estimate:
-    """Join the estimates of several draws of the measurement to an estimate of their mean.
+    """Join the estimates of several draws of the measurement to an estimate of their mean. Draws without items are left out.
 
-    The interval is a bootstrap over draws and items together (A. Owen, Annals of Applied Statistics 1 (2007) 386): each sample draws the
-    estimates with replacement, and takes the same bootstrap sample of items from each drawn estimate. For an estimate without bootstrap
-    samples, normally distributed samples with the width of its interval are used. All estimates use the same random numbers for these
-    samples, because the draws may have the same items. The deviations of the estimates from their mean are multiplied by `widening` for the
-    number of draws. The degrees of freedom follow Welch and Satterthwaite. The p value is twice the median of the p values, which is valid
-    for any dependence between the draws (L. Rueschendorf, Advances in Applied Probability 14 (1982) 623). The attribute n is the smallest
-    number of items of a draw, or the number of draws if every draw has a single item. Draws without items are left out. The bootstrap
-    samples are clipped to the limits of the quantity.
+    - If the objects are the classes of a closed set, the interval is that of Student's t distribution over draws.
+    - If all draws permute the same objects in the same ways, the permuted estimates are averaged over draws, as the estimates are, so that
+      the test permutes the objects of the pooled answers.
+    - Otherwise the interval is a bootstrap over draws and items together (A. Owen, Annals of Applied Statistics 1 (2007) 386): each sample
+      draws the estimates with replacement, and takes the same bootstrap sample of items from each drawn estimate. For an estimate without
+      bootstrap samples, normally distributed samples with the width of its interval are used. All estimates use the same random numbers for
+      these samples, because the draws may have the same items. The spread of items within each draw also spreads the draws; this part of
+      the spread between draws is taken off, so that it counts once. The sum of both deviations is widened for the degrees of freedom of
+      Welch and Satterthwaite. The attribute n is the smallest number of items of a draw, or the number of draws if every draw has a single
+      item. The samples are clipped to the limits of the quantity.
     """
     found = [one for one in found if one.n] or found[:1]
     draws, first = len(found), found[0]
-    figures = np.array([(one.value, one.low, one.high, one.p) for one in found])
-    if draws == 1 or (all(one.drawn is None for one in found) and np.array_equal(figures, figures[[0] * draws], equal_nan=True)):
+    ends = np.array([(one.value, one.low, one.high) for one in found])
+    values, items = ends[:, 0], min(one.n for one in found)
+    if draws == 1 or (all(one.drawn is None for one in found) and np.array_equal(ends, ends[[0] * draws], equal_nan=True)):
         return first  # the estimate does not depend on the draw
+    if first.closed and np.ptp(values) > 0:
+        return replace(students_t(values, first.limits), closed=True)
+    if all(one.shuffled is not None and one.shuffled.shape == first.shuffled.shape for one in found):  # type: ignore[union-attr]
+        return permuted(float(values.mean()), np.mean([one.shuffled for one in found], axis=0), items, first.limits, first.scale)  # type: ignore[arg-type]
     rng = np.random.default_rng([seed, 0xD2])
     normal = rng.standard_normal(resamples)
-    values, p = figures[:, 0], figures[:, 3]
-    value = float(values.mean())
-    samples = np.stack([_samples(one, normal) for one in found]) - values[:, None]
+    value, (forward, back) = float(values.mean()), SCALES[first.scale]
+    values = forward(values)
+    wide = np.array([_tail(one.degrees) for one in found])
+    samples = (forward(np.stack([_samples(one, normal) for one in found])) - values[:, None]) / wide[:, None]
     chosen = rng.integers(draws, size=(draws, resamples))
     inner = samples[chosen, np.arange(resamples)].mean(axis=0)
-    between = widening(draws) * (values[chosen].mean(axis=0) - value)
-    items = min(one.n for one in found)
+    between = math.sqrt(draws / (draws - 1)) * (values[chosen].mean(axis=0) - values.mean())
     with np.errstate(invalid="ignore"):  # some samples may be NaN or infinite
         within, across = float(np.nanvar(inner)), float(np.var(values, ddof=1)) / draws
+        counted = (float(np.nanmean(np.nanvar(samples, axis=1))) - within) / (draws - 1)  # part of `across` that `within` contains
+    if across > 0:
+        between *= math.sqrt(max(1 - counted / across, 0.0))
+        across = max(across - counted, 0.0)
     spread = within**2 / max(items - 1, 1) + across**2 / (draws - 1)
     freedom = (within + across) ** 2 / spread if 0 < spread < math.inf else draws - 1
-    samples = np.clip(value + inner + between, *first.limits)
-    joined = resampled(value, samples, draws if all(one.n == 1 for one in found) else items)
-    doubled = float("nan") if np.isnan(p).any() else min(1.0, 2 * float(np.median(p)))
-    least = min(1.0, 2 * float(np.median([one.least_p for one in found])))
-    return replace(joined, p=doubled, limits=first.limits, freedom=freedom, least_p=least)
+    single = all(one.n == 1 for one in found)
+    samples = back(forward(value) + _tail(freedom) * (inner + between))
+    joined = resampled(value, np.clip(samples, *first.limits), draws if single else items, first.limits)
+    return replace(joined, freedom=freedom, scale=first.scale, unit="draws" if single else f"draws and {first.unit}")
 
 
 def _samples(found: Estimate, normal: NDArray[np.float64]) -> NDArray[np.float64]:

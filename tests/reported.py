@@ -26,7 +26,7 @@ FLOOR_DB, ECHO_DB = -100.0, -40.0
 def row(**changes: Any) -> dict[str, Any]:
     given = {
         "room": "lab", "strength": 0.5, "claim": "closer than 3 dB", "run_keys": "abc def", "metric": "error", "paper": "1.5",
-        "value": 1 / 3, "low": 0.25, "high": 0.5, "n": 3, "domain": "testbed", "verdict": "holds",
+        "value": 1 / 3, "low": 0.25, "high": 0.5, "n": 3, "domain": "testbed", "verdict": "supported",
     }  # fmt: skip
     return {**given, **changes}
 
@@ -35,10 +35,10 @@ def rows() -> list[dict[str, Any]]:
     """Return table rows with every verdict, a row without a claim, and rows with hostile HTML in every text column."""
     return [
         row(),
-        row(verdict="fails", value=7.0, low=6.0, high=8.0, strength=2.0),
-        row(verdict="untestable", value=None, low=None, high=None, n=0, strength=1.0),
-        row(claim="", verdict="untestable", strength=3.0),
-        row(room=HOSTILE, claim=HOSTILE, metric=HOSTILE, paper=HOSTILE, run_keys=HOSTILE, verdict="fails"),
+        row(verdict="contradicted", value=7.0, low=6.0, high=8.0, strength=2.0),
+        row(verdict="not testable here", value=None, low=None, high=None, n=0, strength=1.0),
+        row(claim="", verdict="", strength=3.0),
+        row(room=HOSTILE, claim=HOSTILE, metric=HOSTILE, paper=HOSTILE, run_keys=HOSTILE, verdict="contradicted"),
         *(row(strength=float(k), value=float(k), low=float(k), high=float(k)) for k in range(4, 20)),
     ]
 
@@ -54,7 +54,7 @@ def methods() -> list[dict[str, Any]]:
         "frames timed": 3,
         "offset_db": 0.0,
     }
-    case |= dict.fromkeys(ERRORS, 1.0) | {"claim": "", "verdict": "untestable", "n": 3}
+    case |= dict.fromkeys(ERRORS, 1.0) | {"claim": "", "verdict": "", "n": 3}
     return [
         row(**case, family=OURS, setting=DEFAULT, **dict.fromkeys(COSTS, 2.0)),
         row(**case, family="points", setting="table", **dict.fromkeys(COSTS, 1.0)),
@@ -89,7 +89,7 @@ def write(output: Path, figures: Mapping[str, Callable[[], Any]] | None = None) 
     figures = {"environment_curve": curve} if figures is None else figures
     main.write(registry.table("environment"), Result("environment", rows(), figures, run_key=KEY), "quick", output)
     pair = {PAIR: lambda: gallery.draw(views(), "mug in the lab", "testbed")}
-    main.write(registry.table("gallery"), Result("gallery", [row(claim="", verdict="untestable")], pair, run_key=KEY), "quick", output)
+    main.write(registry.table("gallery"), Result("gallery", [row(claim="", verdict="")], pair, run_key=KEY), "quick", output)
     main.write(registry.table("speed_accuracy"), Result("speed_accuracy", methods(), {}, run_key=KEY), "quick", output)
     main.write(registry.table("stability"), Result("stability", [row(metric="an old figure")], {}, run_key=OLD_KEY), "paper", output)
     index.add_failure(output, "positioning", KEY, "paper", RuntimeError(f"a cell {HOSTILE}\nand more"))

@@ -139,11 +139,11 @@ def _default(speed: Sequence[Row]) -> str:
         own = next(row for row in mine if not row["claim"] and (row["family"], row["setting"]) == (OURS, DEFAULT))
         naive = next((row for row in mine if row["claim"] and row["family"] == RFGENESIS), None)
         claims = [row for row in mine if row["claim"] and "front" in row["metric"]]
-        words = (f"{row['value']:.2f} by the {row['metric'].rpartition(' of the ')[2]} error, claim {row['verdict']}" for row in claims)
+        words = (f"{row['value']:.2f} by the {row['metric'].rpartition(' of the ')[2]} error, limit {row['verdict']}" for row in claims)
         rows.append((
             own["title"], f"{own['seconds_frame']:.2g}", f"{own['profile_error_db']:.2g} dB", f"{own['signal_error']:.2g}",
             "; ".join(words),
-            f"{naive['value']:.3g} x, claim {naive['verdict']}" if naive else "not run",
+            f"{naive['value']:.3g} x, limit {naive['verdict']}" if naive else "not run",
             f"{naive['profile_error_db']:.2g} dB, {naive['free_error_db']:.2g} dB after the best gain" if naive else "",
         ))  # fmt: skip
     return _lines(rows)

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from html import escape
 
 from analysis.report.content import FAILED, MISSING, STALE, Claim, Section, figure
+from analysis.tables import slug
+from radartwin.runs.experiment import LIMITS, VERDICTS
 
-ORDER = ("holds", "fails", "untestable")
+ORDER = (*VERDICTS, *LIMITS)
 _HEADS = {"verdict": "", "claim": "", "metric": "", "value": ' class="number"', "paper": "", "n": ' class="number"'}
-_MEANING = {"holds": "hold", "fails": "fail", "untestable": "cannot be tested here"}
 
 
 def summary(sections: Sequence[Section]) -> str:
@@ -20,7 +21,7 @@ def summary(sections: Sequence[Section]) -> str:
     count = Counter(claim.verdict for claim in found)
     rows = sum(len(section.rows) for section in present)
     told = f"{len(present)} of {len(sections)} tables are here. Of their {rows} rows {len(found)} state a claim."
-    cards = "".join(f'<li class="{v}"><strong>{count[v]}</strong> {_MEANING[v]}</li>' for v in ORDER)
+    cards = "".join(f'<li class="{slug(v)}"><strong>{count[v]}</strong> {v}</li>' for v in ORDER if count[v])
     return f'<p>{told}</p>\n<ul class="cards" data-filter="claims">{cards}</ul>\n{_absent(sections)}{_tables(present)}{_claims(found)}'
 
 
@@ -40,7 +41,9 @@ def _absent(sections: Sequence[Section]) -> str:
 def _tables(present: Sequence[Section]) -> str:
     rows = "\n".join(
         f'<tr><th scope="row"><a href="#{s.table.name}">{escape(s.table.title)}</a></th>'
-        + "".join(f'<td class="number {verdict if s.verdicts[verdict] else ""}">{s.verdicts[verdict] or "–"}</td>' for verdict in ORDER)
+        + "".join(
+            f'<td class="number {slug(verdict) if s.verdicts[verdict] else ""}">{s.verdicts[verdict] or "–"}</td>' for verdict in ORDER
+        )
         + f'<td class="number">{len(s.rows)}</td></tr>'
         for s in present
     )
@@ -53,7 +56,7 @@ def _tables(present: Sequence[Section]) -> str:
 
 def _claims(found: Sequence[Claim]) -> str:
     head = "".join(f'<th scope="col"{kind}>{one}</th>' for one, kind in _HEADS.items())
-    rows = "\n".join(_row(claim) for claim in sorted(found, key=lambda claim: claim.verdict != "fails"))
+    rows = "\n".join(_row(claim) for claim in sorted(found, key=lambda claim: claim.verdict not in ("contradicted", "misses")))
     return (
         '<h3 id="claims-title">Every claim</h3>\n<div class="scroll tall" role="region" tabindex="0" aria-labelledby="claims-title">\n'
         f'<table id="claims" data-tools><thead><tr>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody></table></div>'
@@ -66,7 +69,7 @@ def _row(claim: Claim) -> str:
     interval = f"<small>{escape(figure(low))} to {escape(figure(high))}</small>" if low and high and (low, high) != (value, value) else ""
     where = f'<a href="#{name}-{claim.row}">{escape(claim.table.title)}</a>{f": {escape(claim.case)}" if claim.case else ""}'
     return (
-        f'<tr class="{claim.verdict}"><td class="verdict">{claim.verdict}</td><td>{escape(claim.text)}<small>{where}</small></td>'
+        f'<tr class="{slug(claim.verdict)}"><td class="verdict">{claim.verdict}</td><td>{escape(claim.text)}<small>{where}</small></td>'
         f'<td>{escape(cells["metric"])}</td><td class="number">{escape(figure(value))}{interval}</td>'
         f"<td>{escape(cells['paper']) or '–'}</td>"
         f'<td class="number">{escape(cells["n"])}</td></tr>'

@@ -12,7 +12,7 @@ from pathlib import Path
 from analysis.tables import FORMATS, heading, text_of
 from radartwin.errors import MissingError
 from radartwin.plotting.style import SUFFIXES
-from radartwin.runs.experiment import SCORE_COLUMNS, VERDICTS, Table
+from radartwin.runs.experiment import JUDGED, LIMITS, SCORE_COLUMNS, VERDICTS, Table
 
 MISSING, STALE, FAILED = "not run", "stale", "failed"
 ABSENT = {
@@ -22,7 +22,7 @@ ABSENT = {
 }
 LINKED = tuple(suffix for suffix in FORMATS if suffix != "html")  # without HTML, because the page itself contains it
 CASES = 4  # largest number of columns that describe the case of a claim
-_NO_CASE = {"claim", "p", "p_holm", "reason", "draws", "items", "seed", "run_keys", "title", "note", "machine", *SCORE_COLUMNS}
+_NO_CASE = {"claim", *JUDGED, "reason", "draws", "items", "seed", "run_keys", "title", "note", "machine", *SCORE_COLUMNS}
 
 
 @dataclass(frozen=True)
@@ -108,14 +108,16 @@ class Section:
                 rows = list(csv.DictReader(stream))
         except (UnicodeDecodeError, csv.Error) as error:
             raise self._damaged(path) from error
-        if not all(set(SCORE_COLUMNS) <= row.keys() and row["verdict"] in VERDICTS and None not in row.values() for row in rows):
+        if not all(
+            set(SCORE_COLUMNS) <= row.keys() and row["verdict"] in (*VERDICTS, *LIMITS, "") and None not in row.values() for row in rows
+        ):
             raise self._damaged(path)
         return rows
 
     @cached_property
     def claims(self) -> list[Claim]:
-        """Return a Claim for each table row that states a claim or has a verdict other than "untestable"."""
-        claimed = [(n, row) for n, row in enumerate(self.rows, 1) if row.get("claim") or row["verdict"] != "untestable"]
+        """Return a Claim for each table row with a verdict."""
+        claimed = [(n, row) for n, row in enumerate(self.rows, 1) if row["verdict"]]
         columns = [c for c in (self.rows[0] if self.rows else ()) if c not in _NO_CASE]
         telling = [c for c in columns if len({row[c] for _, row in claimed}) > 1][:CASES]
         return [

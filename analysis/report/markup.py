@@ -17,7 +17,7 @@ from analysis.report.gallery import TABLE as GALLERY
 from analysis.report.gallery import Compared
 from analysis.report.origin import Origin, Run
 from analysis.report.rooms import Shown
-from analysis.tables import caption
+from analysis.tables import caption, slug
 from radartwin.io.one_line import plural
 from radartwin.store.products import SHORT
 
@@ -87,7 +87,7 @@ def verdicts(section: Section) -> str:
     count = section.verdicts
     if not count:
         return f'<p class="verdicts">{plural(len(section.rows), "row")}, none of them a claim.</p>\n'
-    told = ", ".join(f'<span class="{verdict}">{count[verdict]} {verdict}</span>' for verdict in claims.ORDER if count[verdict])
+    told = ", ".join(f'<span class="{slug(verdict)}">{count[verdict]} {verdict}</span>' for verdict in claims.ORDER if count[verdict])
     return f'<p class="verdicts">{plural(sum(count.values()), "claim")}: {told}; {plural(len(section.rows), "row")}.</p>\n'
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments import statistics
-from experiments.claims import Claim, RowList
+from experiments.claims import BELOW, Claim, RowList
 from experiments.statistics import Estimate
 from radartwin.config.config import Config
 from radartwin.constants import SPEED_OF_LIGHT
@@ -72,7 +72,8 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
             case = {"antennas": antennas, "snapshots": 2 * antennas, "snr_db": snr_db, "method": method}
             for separation, estimate in zip(SEPARATIONS, estimates, strict=True):
                 rows.add({**case, "separation": separation}, PROBABILITY, estimate, [])
-            claim = Claim() if method == "bartlett" else Claim("resolves closer targets than Bartlett does", below=bartlett)
+            claim = Claim("resolves closer targets than Bartlett does", bound=bartlett, direction=BELOW, limit=True)
+            claim = Claim() if method == "bartlett" else claim
             rows.add({**case, "separation": None}, HALF, half_resolved(estimates, config), [], claim)
             curves[antennas, snr_db, method] = estimates
     recording, true_rad = spheres(config.seed)

@@ -118,13 +118,13 @@ def planned(config: CampaignConfig, measured: bool) -> list[Case]:
 
     return [
         replace(case, repetition=number, draw=draw)
-        for case in cases for draw in range(draws(config, case.motion in ROVER)) for number in range(repeats(case))
+        for case in cases for draw in draws(config, case.motion in ROVER) for number in range(repeats(case))
     ]  # fmt: skip
 
 
-def draws(config: CampaignConfig, rover: bool) -> int:
-    """Return the number of draws of a virtual campaign's drives (`rover`), or of its turntable and rail recordings."""
-    return config.rover_draws if rover else config.draws
+def draws(config: CampaignConfig, rover: bool) -> range:
+    """Return the numbers of the draws of a virtual campaign's drives (`rover`), or of its turntable and rail recordings."""
+    return range(config.first_draw, config.first_draw + (config.rover_draws if rover else config.draws))
 
 
 def log(case: Case, config: CampaignConfig, measured: bool) -> Log:

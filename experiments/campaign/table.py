@@ -23,7 +23,7 @@ from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, TWIN, VOID, Case, planned
 from experiments.campaign.cases import log as nominal_log
 from experiments.campaign.schedule import RecordingTask
-from experiments.claims import NONE, Claim, RowList
+from experiments.claims import BELOW, NONE, Claim, RowList
 from experiments.scans import virtual_scan
 from experiments.statistics import Estimate, exact, resampled
 from radartwin.builders.radar import build_radar
@@ -52,10 +52,10 @@ TABLE = Table(
 
 ALL = "all"
 ROUNDED_S = 2.0  # rounding of the times in a product's metadata
-FRAME = Claim("a measured frame takes at most 60 ms", below=60.0, least=1)
-DISK = Claim("the paper's campaign takes at most 10 GB", below=10.0, least=1)
-MINUTES = Claim("the paper's campaign is made within 60 minutes", below=60.0, least=1)
-ALL_MINUTES = Claim("all draws of the paper's campaign are made within 90 minutes", below=90.0, least=1)
+FRAME = Claim("a measured frame takes at most 60 ms", bound=60.0, direction=BELOW, least=1, limit=True)
+DISK = Claim("the paper's campaign takes at most 10 GB", bound=10.0, direction=BELOW, least=1, limit=True)
+MINUTES = Claim("the paper's campaign is made within 60 minutes", bound=60.0, direction=BELOW, least=1, limit=True)
+ALL_MINUTES = Claim("all draws of the paper's campaign are made within 90 minutes", bound=90.0, direction=BELOW, least=1, limit=True)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.campaign.cases import Case
-from experiments.claims import NONE, Claim, row
+from experiments.claims import BELOW, NONE, Claim, row
 from experiments.complexity import timing
 from experiments.statistics import Estimate, exact, resampled
 from radartwin.adaptive.choice import Choice
@@ -69,7 +69,7 @@ def table(config: Config, found: Sequence[Found], fixed: Choice) -> list[dict[st
             rows.append(_row(config, case, NEEDED, exact(parts, 1), ROOM_CLAIMS[one.asked]))
     every = {"case": "all", "features": "own sets"} | dict.fromkeys(columns_of(found[0]))
     own = [one for one in found if one.asked in OWN]
-    claim = Claim(f"auto is at least {CHEAPER:g} times cheaper in the median", above=CHEAPER)
+    claim = Claim(f"auto is at least {CHEAPER:g} times cheaper in the median", bound=CHEAPER, limit=True)
     rows.append(_row(config, every, f"{SAVED}, median", _median([one.saved for one in own], config), claim))
     every["features"] = "all sets"
     for who, name in ((SHIPPED, "shipped"), (FIXED, "fixed")):
@@ -78,16 +78,17 @@ def table(config: Config, found: Sequence[Found], fixed: Choice) -> list[dict[st
         metric = f"error of the {name} default between the frames of the choice, worst of all (limits)"
         rows.append(_row(config, case, metric, exact(worst.between[who][0], len(found)), SUFFICIENT))
     dearer = [timing.ratio(one.seconds[SHIPPED], one.seconds[FIXED]) for one in own]
-    claim = Claim("no setting known to be sufficient for all cases is more than 10 % cheaper than the shipped default", below=1.1)
+    text = "no setting known to be sufficient for all cases is more than 10 % cheaper than the shipped default"
+    claim = Claim(text, bound=1.1, direction=BELOW, limit=True)
     case = every | {"model": fixed.model.told}
     rows.append(_row(config, case, "cost of the shipped default over the fixed one's, median", _median(dearer, config), claim))
     return rows
 
 
-SUFFICIENT = Claim("every feature within its repeatability", below=1.0, least=1)
+SUFFICIENT = Claim("every feature within its repeatability", bound=1.0, direction=BELOW, least=1, limit=True)
 ROOM_CLAIMS = {
-    SHAPE: Claim("the shape features of the reflector need no room", below=0.5, least=1),
-    MULTIPATH: Claim("the multipath share of the reflector needs a room", above=0.5, least=1),
+    SHAPE: Claim("the shape features of the reflector need no room", bound=0.5, direction=BELOW, least=1, limit=True),
+    MULTIPATH: Claim("the multipath share of the reflector needs a room", bound=0.5, least=1, limit=True),
 }
 
 

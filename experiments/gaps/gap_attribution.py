@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from experiments import statistics
 from experiments.campaign.schedule import RecordingTask
-from experiments.claims import NONE, Claim, Row, RowList, corrected
+from experiments.claims import NONE, Claim, Row, RowList, within
 from experiments.drawing import error_bars, legend_above
 from experiments.gaps import case_set, shapley
 from experiments.gaps.coalitions import ERROR, LABELS, PROFILE, RECOGNITION, SCORES, Losses, Sides, cases, losses, sides_of
@@ -114,14 +114,14 @@ PLANS = {
 LEAST = {PROFILE: 0.05, ERROR: 0.1}
 AT_MOST = 0.05  # a Shapley share of RECOGNITION is a share of wrongly classified objects: 0.05 is one object in twenty
 CLAIMS: dict[tuple[str, str, str, str], Claim] = {  # key: score, gap, objects, measure
-    (PROFILE, ROOM, ALL, "part of the total"): Claim("geometry and materials cause most of the profile loss", above=0.5),
-    (PROFILE, "geometry", ALL, ALONE): Claim("walls from a scan change the range profile", above=LEAST[PROFILE]),
-    (PROFILE, "object", ALL, SHARE): Claim("the object gaps hardly change the range profile", above=-LEAST[PROFILE], below=LEAST[PROFILE]),
-    (ERROR, "hardware", ALL, SHARE): Claim("line loss and IF filter change the brightness of every object", above=LEAST[ERROR]),
-    (ERROR, "object", FILLED, ALONE): Claim("a manufactured, partly filled bottle has another echo", above=LEAST[ERROR]),
-    (ERROR, "geometry", ALL, SHARE): Claim("walls hardly change the echo of the target", above=-LEAST[ERROR], below=LEAST[ERROR]),
-    (RECOGNITION, "hardware", ALL, SHARE): Claim("rank features do not depend on the level", contains=0.0, margin=AT_MOST),
-    (RECOGNITION, "geometry", ALL, SHARE): Claim("walls hardly change the echo of the target", contains=0.0, margin=AT_MOST),
+    (PROFILE, ROOM, ALL, "part of the total"): Claim("geometry and materials cause most of the profile loss", bound=0.5),
+    (PROFILE, "geometry", ALL, ALONE): Claim("walls from a scan change the range profile", bound=LEAST[PROFILE], null=0.0),
+    (PROFILE, "object", ALL, SHARE): within("the object gaps hardly change the range profile", -LEAST[PROFILE], LEAST[PROFILE]),
+    (ERROR, "hardware", ALL, SHARE): Claim("line loss and IF filter change the brightness of every object", bound=LEAST[ERROR], null=0.0),
+    (ERROR, "object", FILLED, ALONE): Claim("a manufactured, partly filled bottle has another echo", bound=LEAST[ERROR], null=0.0),
+    (ERROR, "geometry", ALL, SHARE): within("walls hardly change the echo of the target", -LEAST[ERROR], LEAST[ERROR]),
+    (RECOGNITION, "hardware", ALL, SHARE): within("rank features do not depend on the level", -AT_MOST, AT_MOST),
+    (RECOGNITION, "geometry", ALL, SHARE): within("walls hardly change the echo of the target", -AT_MOST, AT_MOST),
 }
 
 
@@ -170,7 +170,7 @@ def table(config: Config, plan: Plan, found: Losses, filled: NDArray[np.bool_], 
             if chosen.any() and not (objects == FILLED and score == RECOGNITION):
                 value = {on: loss[chosen] for on, loss in found[score].items()}
                 _add_rows(rows, plan, score, objects, value, keys)
-    return corrected(rows)
+    return rows
 
 
 def _add_rows(

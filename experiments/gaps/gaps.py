@@ -21,7 +21,7 @@ import numpy as np
 from experiments import statistics
 from experiments.campaign.cases import Case
 from experiments.campaign.truth import DRAW_STEP
-from experiments.claims import NONE, Claim, RowList
+from experiments.claims import BELOW, NONE, Claim, RowList
 from experiments.drawing import legend_above
 from experiments.gaps import case_set
 from experiments.gaps.case_set import CASES, FILLED, GAPS, GROUPS, METAL, Reading
@@ -42,8 +42,7 @@ TABLE = Table(
     caption="A gap is one kind of difference between testbed and twin. The row 'none' has every gap off and gives the twin the true "
     "materials and the exact room. The domains must then differ by less than the change that finer tracing with one more "
     "bounce makes. Every other row switches one gap on and gives the change of the features, beside a prediction from "
-    "physics. Nearly all predictions were written before the first run. "
-    "Changes of the complex signal are given in the target gate, and in the room more than half a metre from the target. "
+    "physics. Changes of the complex signal are given in the target gate, and in the room more than half a metre from the target. "
     "The geometry gap changes the twin; all other gaps change the testbed. The cases are three objects on the lab's "
     "turntable and one drive in the squash court. The column 'source' says where the size of a gap at strength 1 comes from. Intervals "
     "are bootstraps over draws and objects.",
@@ -125,7 +124,7 @@ def _add_agreement(
         keys = [base[case].key, exact[case].key]
         for feature in ("target change (dB)", "room change (dB)"):
             own = solver[case][feature]
-            claim = Claim(f"less than the solver's own error, {own:.1f} dB", below=own, least=1)
+            claim = Claim(f"less than the solver's own error, {own:.1f} dB", bound=own, direction=BELOW, least=1)
             _add(rows, ("none", 0.0, case.name), feature, [[found[feature]]], keys, claim)
         difference = case_set.profile_difference_db(exact[case], base[case])
         _add(rows, ("none", 0.0, case.name), "mean range profile, rms difference (dB)", [[difference]], keys)
@@ -134,7 +133,7 @@ def _add_agreement(
 def _add_interpolated(rows: RowList, case: Case, traced: Reading, blended: Reading) -> None:
     """Add the difference between a turntable revolution interpolated from traced angles and the revolution with every frame traced."""
     change = case_set.change_db(blended, traced, traced.target)
-    claim = Claim("interpolation between traced angles replaces tracing every frame", below=-20.0, least=1)
+    claim = Claim("interpolation between traced angles replaces tracing every frame", bound=-20.0, direction=BELOW, least=1)
     _add(rows, ("none", 0.0, f"{case.name}, interpolated"), f"target{CHANGE}", [[change]], [traced.key, blended.key], claim)
 
 
@@ -162,7 +161,8 @@ def _add(
     samples, scale = np.array(values), np.asarray
     if metric.endswith(CHANGE):
         samples, scale = 10 ** (samples / 20), _decibels
-    each = [statistics.mean(one, config.profile.resamples, config.seed, scale=scale) for one in samples]
+    limits = statistics.POSITIVE if " rms " in metric else statistics.ANY
+    each = [statistics.mean(one, config.profile.resamples, config.seed, limits, scale) for one in samples]
     found = statistics.over_draws(each, config.profile.resamples, config.seed)
     source = config.measured.gap.sources().get(where[0], "")
     row = rows.add({**dict(zip(("gap", "strength", "cases"), where, strict=True)), "source": source}, metric, found, keys, claim)

@@ -2,36 +2,40 @@
 
 Each row is one claim, which another table judges. The judging table is computed for every strength (`profile.strengths`), or read from the
 store. The strength multiplies all settings measured.gap.NAME. If the verdicts at the strengths differ, the column `over all strengths` says
-"depends on strength". The column `why` explains a claim that fails, with values from the table that judges it.
+"depends on strength". The column `why` explains a claim that is not supported, with values from the table that judges it.
 
 An interval over more draws is narrower, so that a verdict may depend on the number of draws. All strengths, including strength 1, are
 therefore compared with the same campaign, profile.strength_campaign. The settings profile.campaign do not change it. In the paper profile,
 it has fewer draws, distances, rooms and frames than profile.campaign, because recordings of the paper's size at two more strengths take
-about four hours on two cores. The value and the verdict of a row use profile.campaign.
+about four hours on two cores. The value and the verdict of a row use profile.campaign. The
+claims are one family: their intervals have the levels of Holm's correction (`at_levels`), those of the strengths have 95 %.
 """
 
 from __future__ import annotations
 
 import functools
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
+
+import numpy as np
 
 from experiments import statistics
 from experiments.campaign.campaign import joined
 from experiments.campaign.cases import REFLECTOR, planned
 from experiments.campaign.schedule import RecordingTask
-from experiments.claims import LEVEL, Claim, RowList
+from experiments.claims import EQUAL, NOT_HERE, PRIMARY, SUPPORTED, RowList, judge
 from experiments.recognition import labelled_probe, reconstruction_ablation, rover_recognition, turntable_label_free
-from experiments.recognition.protocol import LEAST_GAIN
 from experiments.rover import rover_fidelity
+from experiments.statistics import LEVEL, at_level
 from experiments.turntable import environment, linear_rail, turntable_material, turntable_shape
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
-from radartwin.runs.experiment import Result, Table
+from radartwin.runs.experiment import JUDGED, VERDICTS, Result, Table
 from radartwin.runs.run import run_experiment, run_key
 from radartwin.store.products import Store
 
@@ -50,8 +54,9 @@ Rows = Sequence[Mapping[str, Any]]
 TABLE = Table(
     name="headline",
     title="The paper's main claims",
-    caption="Each row is one claim of the paper, as judged by the table in the column 'table'. Value, interval and verdict are those with "
-    "all differences between testbed and simulation at their published size (strength 1), over all recordings. The columns 'strength' give "
+    caption="Each row is one claim of the paper, which the table in the column 'table' states. Value, interval and verdict are those with "
+    "all differences between testbed and simulation at their published size (strength 1), over all recordings. The intervals have the "
+    "level in the column 'level' (Holm's correction). The columns 'strength' give "
     "value, interval and verdict at each strength, with the number of draws in brackets. They rest on a campaign of their own "
     "(profile.strength_campaign, in the paper profile a smaller one), so that the column 'strength 1' may differ from the value. "
     "'Over all strengths' compares the verdicts of these columns. The quick profile has strength 1 alone.",
@@ -65,8 +70,7 @@ class Headline:
     Attributes:
         text: the claim in words. source: where the paper states it.
         table, metric: the table and the metric of the row. where: values that further columns of this row must have.
-        claim: the condition that the table checks; None stands for "above chance", where chance is a column of the row.
-        beside: a sentence that explains a failure by a value, and the columns that select the row of the same table with this value.
+        beside: a sentence that explains the verdict by a value, and the columns that select the row of the same table with this value.
         unless: values of columns; the claim is left out if a row of the same table has all these values.
     """
 
@@ -75,29 +79,26 @@ class Headline:
     table: str
     metric: str
     where: Mapping[str, Any] = field(default_factory=dict)
-    claim: Claim | None = None
     beside: tuple[str, Mapping[str, Any]] | None = None
     unless: Mapping[str, Any] = field(default_factory=dict)
 
 
-GAIN = Claim(above=LEAST_GAIN)
-AT_CHANCE = Claim(reaches=math.nan)  # the row's column `chance` gives the value
 AT_1_M = {"distance_m": 1.0}  # every profile has turntable recordings at 1 m, and the quick profile at no other distance
 
 
 def on_probe(probe: str, unless: Mapping[str, Any]) -> tuple[Headline, Headline]:
     """Return the two claims about the table labelled_probe for one of its probes (ways to classify with labelled recordings)."""
-    case = {"level": "few_shot", "probe": probe, "layout": None}
+    case = {"supervision": "few_shot", "probe": probe, "layout": None}
     return (
         Headline(
             f"training on simulation beats raw features ({probe})", "labelled probe", "labelled_probe", "gain in accuracy",
-            {**case, "method": f"{labelled_probe.PRETRAINED} - {labelled_probe.RAW}"}, GAIN,
+            {**case, "method": f"{labelled_probe.PRETRAINED} - {labelled_probe.RAW}"},
             ("Raw features alone reach {:.2f}.", {**case, "metric": "accuracy", "method": labelled_probe.RAW}), unless,
         ),
         Headline(
             f"training on our simulation is more accurate than on RF-Genesis ({probe})", "labelled probe", "labelled_probe",
             "gain in accuracy",
-            {**case, "method": f"{labelled_probe.PRETRAINED} - {labelled_probe.RIVAL}"}, GAIN,
+            {**case, "method": f"{labelled_probe.PRETRAINED} - {labelled_probe.RIVAL}"},
             ("RF-Genesis reaches {:.2f}.", {**case, "metric": "accuracy", "method": labelled_probe.RIVAL}), unless,
         ),
     )  # fmt: skip
@@ -106,7 +107,7 @@ def on_probe(probe: str, unless: Mapping[str, Any]) -> tuple[Headline, Headline]
 HEADLINES = (
     Headline(
         "the simulated order of objects by harmonic ratio is the measured order", "turntable, shape", "turntable_shape",
-        "order of objects", {"case": "all objects"}, turntable_shape.ORDER,
+        "order of objects", {"case": "all objects"},
     ),
     Headline(
         "distances between objects are kept", "turntable, shape", "turntable_shape", "distances between objects", {"case": "all objects"},
@@ -114,40 +115,39 @@ HEADLINES = (
     ),
     Headline(
         "cans have smaller harmonic ratios than reflector and bottles", "turntable, shape", "turntable_shape", "ratio of harmonic ratios",
-        {"case": "least peaked over least flat", "of": "measured"}, turntable_shape.SPLIT,
+        {"case": "peaked over cans", "of": "measured"},
     ),
     Headline(
         "metal is brighter than plastic (1 m)", "turntable, material", "turntable_material", "metal less plastic (dB)",
-        {"of": "measured", **AT_1_M}, turntable_material.OVER,
+        {"of": "measured", **AT_1_M},
     ),
     Headline(
         "the simulation exaggerates the contrast of metal and plastic (1 m)", "turntable, material", "turntable_material",
-        "excess of contrast (dB)", AT_1_M, turntable_material.EXAGGERATES,
+        "excess of contrast (dB)", AT_1_M,
     ),
     Headline(
         "the measured diagonal excursion is smaller than the rail's", "linear rail", "linear_rail", "excursion less the rail's (m)",
-        {"object": REFLECTOR, "motion": "diagonal", "tracker": "continuous", "of": "measured"}, linear_rail.SHORT,
+        {"object": REFLECTOR, "motion": "diagonal", "tracker": "continuous", "of": "measured"},
     ),
     Headline(
         "without the room the profiles do not correlate (2 m, amplitude)", "environment", "environment", "profile correlation",
-        {"case": "void", "distance_m": 2.0, "scale": "amplitude"}, environment.UNCORRELATED,
+        {"case": "void", "distance_m": 2.0, "scale": "amplitude"},
         ("Of the measured energy, only {:.2f} arrives from beyond the target.",
          {"metric": "energy share beyond the target", "distance_m": 2.0, "case": "measured (testbed)"}),
     ),
     Headline(
-        "the room brings the profile closer to the measured one (2 m, amplitude)", "environment", "environment", "gain in correlation",
-        {"distance_m": 2.0, "scale": "amplitude", "case": "room (vlm) - void"}, environment.CLOSER,
+        "the room brings the profile closer to the measured one (2 m, amplitude)", "environment", "environment", environment.GAIN,
+        {"distance_m": 2.0, "scale": "amplitude", "case": "room (vlm) - void"},
         ("The profile in void correlates already with {:.2f}.", {"metric": "profile correlation", "distance_m": 2.0, "case": "void",
         "scale": "amplitude"}),
     ),
     Headline(
         "most energy arrives from beyond the target (2 m)", "environment", "environment", "energy share beyond the target",
-        {"distance_m": 2.0, "case": "measured (testbed)"}, environment.BEYOND,
+        {"distance_m": 2.0, "case": "measured (testbed)"},
     ),
     Headline(
         "features order objects alike along drives (squash court)", "rover, fidelity", "rover_fidelity",
         "share of features that order objects alike", {"room": "squash_court", "motion": "depth"},
-        rover_fidelity.AGREE["squash_court"],
     ),
     # The probe RECORDINGS has no recording in both training and test. It needs two recordings of each object. The quick profile lacks them,
     # so it uses the probe REVOLUTIONS instead.
@@ -161,22 +161,22 @@ HEADLINES = (
     ),
     Headline(
         "identity does not transfer without labels", "turntable, without labels", "turntable_label_free", "accuracy",
-        {"attribute": "identity"}, AT_CHANCE,
+        {"attribute": "identity"},
     ),
     Headline(
         "objects are known without labels (squash court, lateral)", "Table 3", "rover_recognition", "accuracy",
-        {"level": "label_free", "room": "squash_court", "motion": "lateral", "classes": "object", "method": "trained on simulation"}, None,
-        ("Raw signatures reach {:.2f}.", {"metric": "accuracy", "level": "label_free", "room": "squash_court", "motion": "lateral",
+        {"supervision": "label_free", "room": "squash_court", "motion": "lateral", "classes": "object", "method": "trained on simulation"},
+        ("Raw signatures reach {:.2f}.", {"metric": "accuracy", "supervision": "label_free", "room": "squash_court", "motion": "lateral",
         "classes": "object", "method": "raw signatures"}),
     ),
     Headline(
         "labelled materials beat one material", "ablation of the reconstruction", "reconstruction_ablation", "gain in accuracy",
-        {"classes": "object", "method": "labelled materials - one material"}, GAIN,
+        {"classes": "object", "method": "labelled materials - one material"},
         ("One material reaches {:.2f}.", {"metric": "accuracy", "classes": "object", "method": "one material"}),
     ),
     Headline(
         "the reconstructed room beats none", "ablation of the reconstruction", "reconstruction_ablation", "gain in accuracy",
-        {"classes": "object", "method": "labelled materials - no room"}, GAIN,
+        {"classes": "object", "method": "labelled materials - no room"},
         ("No room reaches {:.2f}.", {"metric": "accuracy", "classes": "object", "method": "no room"}),
     ),
 )  # fmt: skip
@@ -213,7 +213,13 @@ def compared(config: Config) -> Config:
     profile = config.profile
     return replace(
         config,
-        profile=replace(profile, campaign=profile.strength_campaign, unknown_contents=False, exact_objects=False, layout_turns=0),
+        profile=replace(
+            profile,
+            campaign=replace(profile.strength_campaign, first_draw=profile.campaign.first_draw),
+            unknown_contents=False,
+            exact_objects=False,
+            layout_turns=0,
+        ),
     )
 
 
@@ -250,7 +256,7 @@ def score(config: Config, computed: Callable[[Config], Result]) -> Result:
         if key not in known:
             known[key] = computed(own)
         found[strength, name] = known[key].rows
-    rows = RowList(config)
+    rows, judged = RowList(config), []
     several = sorted({strength for strength, _ in found} - {WHOLE})
     for headline in HEADLINES:
         listed = found[WHOLE, headline.table]
@@ -265,11 +271,15 @@ def score(config: Config, computed: Callable[[Config], Result]) -> Result:
             "claim of the paper": headline.text, "source": headline.source, "table": headline.table,
             **{f"strength {strength:g}": _told(one) for strength, one in at.items()},
             "over all strengths": NOT_COMPARED if not verdicts or None in verdicts else DEPENDS if len(verdicts) > 1 else AGREES,
-            "why": why(headline, listed),
+            "why": "",
         }  # fmt: skip
-        rows.append(_copied(rows, case, nominal, headline))
-    counts = [row["verdict"] for row in rows]
-    metrics = {verdict: float(counts.count(verdict)) for verdict in ("holds", "fails", "untestable")}
+        _copy(rows, case, nominal, headline)
+        judged.append((rows[-1], headline, listed))
+    at_levels(rows)
+    for row, headline, listed in judged:
+        row["why"] = why(row, headline, listed)
+    counts = Counter(row["verdict"] for row in rows)
+    metrics = {verdict: float(counts[verdict]) for verdict in VERDICTS}
     return Result("headline", rows, {}, metrics, sorted({key for result in known.values() for key in result.keys}))
 
 
@@ -295,44 +305,44 @@ def _told(row: Mapping[str, Any] | None) -> str:
     return f"{row['value']:.3g} [{row['low']:.3g}, {row['high']:.3g}], {verdict}"
 
 
-def why(headline: Headline, rows: Rows) -> str:
-    """Return one sentence on why a claim fails or cannot be tested, with values of the same table; empty if it holds."""
-    row = _row(rows, headline)
-    if row is None or row["verdict"] == "holds":
+def at_levels(rows: Sequence[dict[str, Any]]) -> None:
+    """Judge the rows with a p value as one family: the claim of rank i of m by its p value has the level 1 - 0.05/(m - i + 1) of Holm's
+    correction (S. Holm, Scandinavian Journal of Statistics 6 (1979) 65), at which its interval and verdict are given. Claims that the
+    testbed cannot decide are no tests.
+    """
+    tested = sorted((row for row in rows if row["p"] is not None and row["verdict"] != NOT_HERE), key=lambda row: row["p"])
+    for rank, row in enumerate(tested):
+        level = 1 - (1 - LEVEL) / (len(tested) - rank)
+        ends = at_level(row["value"], *_numbers(row, "low", "high"), level, row["freedom"], row["interval_scale"] or "")
+        row["low"], row["high"] = (float(end) if math.isfinite(end) else None for end in np.clip(ends, *_numbers(row, "lowest", "highest")))
+        row |= {"family": PRIMARY, "level": level}
+        row["verdict"] = judge(*(row[name] for name in ("value", "low", "high", "bound", "direction", "null", "margin", "reason")))
+
+
+def _numbers(row: Mapping[str, Any], low: str, high: str) -> tuple[float, float]:
+    """Return two ends of a row, of which None is infinite."""
+    return (-math.inf if row[low] is None else row[low]), (math.inf if row[high] is None else row[high])
+
+
+def why(row: Mapping[str, Any], headline: Headline, rows: Rows) -> str:
+    """Return one sentence on why the claim of a row is not supported, with values of the judging table `rows`; empty if it is."""
+    if row["verdict"] == SUPPORTED:
         return ""
-    if row["verdict"] == "untestable":
-        return f"It cannot be tested: {row.get('reason') or 'the table does not judge it'}."
-    told = " and ".join(_missed(headline, row)) or "the table's condition is not met"
-    told = f"{told if told.startswith('p ') else told[0].upper() + told[1:]}."
+    if row["verdict"] == NOT_HERE:
+        return f"It cannot be decided here: {row['reason']}."
+    if row["low"] is None or row["high"] is None:
+        return "Its interval has no end."
+    goal = f"within {row['margin']:.2g} of {row['null']:.2g}" if row["direction"] == EQUAL else f"{row['direction']} {row['bound']:.3g}"
+    told = f"The interval from {row['low']:.2g} to {row['high']:.2g} is not wholly {goal}."
     if headline.beside is not None:
         sentence, columns = headline.beside
         beside = [one["value"] for one in rows if _has(one, columns) and one["value"] is not None]
-        if beside:
-            told += " " + sentence.format(beside[0])
+        told += f" {sentence.format(beside[0])}" if beside else ""
     return told
 
 
-def _missed(headline: Headline, row: Mapping[str, Any]) -> list[str]:
-    """Return the conditions of a claim that a row does not meet, in words."""
-    claim, chance = headline.claim or Claim(above=math.nan, p_below=LEVEL), row.get("chance") or 0.0
-    above = chance if math.isnan(claim.above) else claim.above
-    interval, missed = f"the interval from {row['low']:.2g} to {row['high']:.2g}", []
-    if not row["low"] > above:
-        missed.append(f"{interval} is not wholly above {above:.3g}")
-    if not row["high"] < claim.below:
-        missed.append(f"{interval} is not wholly below {claim.below:.2g}")
-    if claim.reaches is not None and row["low"] > chance:
-        missed.append(f"{interval} is wholly above chance ({chance:.2g})")
-    p, least = (row["p"], claim.p_below) if row.get("p_holm") is None else (row["p_holm"], claim.p_below or LEVEL)
-    if least is not None and p is not None and not p < least:
-        after = "after Holm's correction for several claims, " if row.get("p_holm") is not None else ""
-        missed.append(f"{after}p is {p:.2g}, not below {least:g}")
-    return missed
-
-
-def _copied(rows: RowList, case: Mapping[str, Any], row: Mapping[str, Any], headline: Headline) -> Any:
-    """Return a row with the value, interval and verdict of a row of another table."""
-    made = RowList(rows.config).add(case, headline.metric, statistics.exact(row["value"] or 0.0, row["items"]), [])
-    kept = ("claim", "p", "p_holm", "reason", "items", "paper", "value", "low", "high", "n", "domain", "verdict", "run_keys", "draws")
+def _copy(rows: RowList, case: Mapping[str, Any], row: Mapping[str, Any], headline: Headline) -> None:
+    """Append a row with the value, interval and verdict of a row of another table."""
+    made = rows.add(case, headline.metric, statistics.exact(row["value"] or 0.0, row["items"]), [])
+    kept = ("claim", *JUDGED, "reason", "items", "paper", "value", "low", "high", "n", "domain", "verdict", "run_keys", "draws")
     made.update({name: row.get(name) for name in kept})
-    return made

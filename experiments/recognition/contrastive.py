@@ -70,9 +70,14 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
                 predictions = [linear_probe(one.take(scored).relabelled(classes), groups[scored]) for one in values]
                 paper = PAPER[attribute] if left_out == "recording" else ""
                 claim = Claim(f"a classifier finds {attribute} from measured embeddings", paper) if method == EMBEDDED else Claim()
-                case = {"level": f"{split.level} encoder, labelled probe", "attribute": attribute, "left out": left_out, "method": method}
+                case = {
+                    "supervision": f"{split.level} encoder, labelled probe",
+                    "attribute": attribute,
+                    "left out": left_out,
+                    "method": method,
+                }
                 hits = correct(predictions, truth.label)
-                row = rows.share(case, hits, truth, keys, 1 / len(truth.classes), claim, balanced=True)
+                row = rows.share(case, hits, truth, keys, 1 / len(truth.classes), claim, True, predictions)
                 shown.setdefault(f"{attribute},\nother {left_out}s", {})[method] = row
     both = join(trained[0].embedded(split.simulated.per_recording()), trained[0].embedded(split.test))
     figures = {

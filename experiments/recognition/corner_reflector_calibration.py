@@ -17,7 +17,7 @@ from experiments import draws
 from experiments.campaign.cases import COMPARED, REFLECTOR
 from experiments.campaign.frame import Frame, balanced, by_revolution
 from experiments.cells import Cell, first_draw, paired, table_rows, using
-from experiments.claims import NONE, Claim
+from experiments.claims import NONE, Claim, within
 from experiments.recognition.readings import MOTION
 from experiments.statistics import clustered, difference, exact
 from radartwin.config.config import Config
@@ -70,9 +70,9 @@ def cells(frame: Frame) -> Iterator[Cell]:
     yield Cell(case, ERROR, of, offset, count=1)
     for when in (BEFORE, AFTER):
         for kind, some in scored.groupby("kind"):
-            claim = Claim(f"{kind} stays too dim in simulation", "too dim", above=LEAST_DB)
+            claim = Claim(f"{kind} stays too dim in simulation", "too dim", bound=LEAST_DB, null=0.0)
             if kind == "metal":
-                claim = Claim("metal aligns within 3 dB", "aligned", above=-ALIGNED_DB, below=ALIGNED_DB)
+                claim = within("metal aligns within 3 dB", -ALIGNED_DB, ALIGNED_DB, paper="aligned")
             estimate = using(clustered, some[when], some.object.to_numpy(str))
             case, count = {"materials": kind, "feature": BRIGHTNESS, "method": when}, some.key.nunique()
             yield Cell(case, ERROR, of, estimate, claim if when == AFTER else NONE, count)
@@ -80,7 +80,7 @@ def cells(frame: Frame) -> Iterator[Cell]:
     kinds = list(objects.index.unique("kind"))
     for kind in [kind for kind in kinds if kind != FILLED and FILLED in kinds]:
         case = {"materials": f"{FILLED} - {kind}", "feature": BRIGHTNESS, "method": AFTER}
-        claim = Claim(f"filled bottles are dimmer than {kind}", "filled bottles most", above=LEAST_DB)
+        claim = Claim(f"filled bottles are dimmer than {kind}", "filled bottles most", bound=LEAST_DB, null=0.0)
         count = scored.key[scored.kind.isin([FILLED, kind])].nunique()
         yield Cell(case, "difference of the remaining errors (dB)", of, using(difference, objects[FILLED], objects[kind]), claim, count)
 

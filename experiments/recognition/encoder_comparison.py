@@ -98,7 +98,7 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
     for method, some in fitted.items():
         predicted = [one.predict(measured[reads[method]].unlabelled()) for one in some]
         claim = Claim("measured revolutions are recognised without labels") if method == NETWORK else Claim()
-        case = {"level": "label_free", "labels per class": 0, "method": method}
+        case = {"supervision": "label_free", "labels per class": 0, "method": method}
         curve[method].append(rows.share(case, correct(predicted, truth.label), truth, keys, chance, claim) | {"shots": 0})
     embedded = {method: [one.embedded(measured[reads[method]]) for one in some] for method, some in fitted.items()} | {
         RAW: [truth] * len(seeds(config))
@@ -181,12 +181,12 @@ def _add_shots(
                 hits[method][number, scored] = nearest_centroid(own.embedded(known), own.embedded(rest)) == rest.label
         counted = ~np.isnan(hits[RAW]).all(axis=0)
         for method, found in hits.items():
-            case = {"level": "few_shot", "labels per class": shots, "method": method}
+            case = {"supervision": "few_shot", "labels per class": shots, "method": method}
             row = rows.share(case, found[:, counted], truth.take(counted), keys, chance)
             curve[method].append(row | {"shots": shots})
         for other in (RAW, SCRATCH):
             ours, theirs = (np.nanmean(hits[method][:, counted], axis=0, keepdims=True) for method in (JOINT, other))
-            case = {"level": "few_shot", "labels per class": shots, "method": f"{JOINT} - {other}"}
+            case = {"supervision": "few_shot", "labels per class": shots, "method": f"{JOINT} - {other}"}
             rows.gain(case, ours, theirs, truth.take(counted), keys, Claim("simulation helps at equal labels"))
 
 
@@ -196,7 +196,7 @@ def _add_other_recordings(rows: RecognitionRows, embedded: Embedded, truth: Samp
         return
     hits = {method: correct([leave_one_out_centroid(one, one.source) for one in some], truth.label) for method, some in embedded.items()}
     for method, found in hits.items():
-        case = {"level": "few_shot", "labels per class": RECORDINGS, "method": method}
+        case = {"supervision": "few_shot", "labels per class": RECORDINGS, "method": method}
         rows.share(case, found, truth, keys, chance)
         if method != RAW:
             claim = Claim("training on simulation beats the raw features") if method == NETWORK else Claim()

@@ -36,13 +36,13 @@ from experiments.recognition.protocol import (
     correct,
     count_sources,
     encoders,
-    interval,
     scaled,
     seeds,
     settings,
     statistics_columns,
 )  # fmt: skip
 from experiments.recognition.readings import FEATURES, MOTION, paired, shared_cases, vectors
+from experiments.statistics import share
 from radartwin.config.config import Config
 from radartwin.config.simulator import RFGenesisSimulator
 from radartwin.io.progress import Progress
@@ -78,7 +78,7 @@ PROBES = {  # per probe: the paper's accuracy by method, and the paper's gain
     MATCHED: ({PRETRAINED: "95.3 %", RAW: "90.3 %"}, "+5.0 points"),
     RECORDINGS: ({}, ""),
 }
-CASE = {"level": "few_shot", "setting": "turntable, 12 objects"}
+CASE = {"supervision": "few_shot", "setting": "turntable, 12 objects"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,7 +292,7 @@ def _add_controls(rows: RecognitionRows, data: Data, chance: float) -> None:
     rows.control(case, np.array(shuffled_domains), both, keys, 0.5, metric="balanced accuracy")
     case = CASE | {"probe": "linear probe", "method": "simulated or measured"} | statistics_columns(len(both), 0.5, np.array(domains))
     sources = count_sources(both)
-    rows.add(case, "balanced accuracy", interval(float(np.mean(domains)), sources // 2), keys, count=sources)
+    rows.add(case, "balanced accuracy", share(float(np.sum(domains)) / len(domains) * (sources // 2), sources // 2), keys, count=sources)
 
 
 def _domain_accuracy(samples: Samples, seed: int) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
@@ -10,21 +9,35 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.claims import LEVEL, NONE, Claim, Row, RowList
-from experiments.statistics import SHARE, SIGNED, Estimate, clustered
+from experiments.claims import EQUAL, NONE, Claim, Row, RowList
+from experiments.statistics import (
+    BINOMIAL,
+    SHARE,
+    SIGNED,
+    Estimate,
+    clustered,
+    orders,
+    permuted,
+    share,
+    sign_flipped,
+    students_t,
+)  # fmt: skip
 from radartwin.config.config import Config
 from radartwin.recognize.encoder import Encoder, Settings, nearest_text
 from radartwin.recognize.probes import leave_one_out_centroid, repeatability, standardised
 from radartwin.recognize.samples import Samples
-from radartwin.recognize.score import binomial_p, exact_interval
 from radartwin.recognize.split import Split, label_free
 from radartwin.recognize.text import embed
 from radartwin.recognize.training import fit
 from radartwin.scene.objects.catalogue import catalogue
 
 LEAST_GAIN = 0.02  # smallest gain in accuracy that counts as an effect: one recording in fifty
-FEWEST_UNEQUAL = 6  # objects for which two methods have different accuracies; with fewer, the bootstrap interval of a gain is too narrow
 CHANCE_MARGIN = 0.1  # an accuracy that differs from chance by at most one recording in ten counts as chance
+# Reasons why this testbed cannot decide a claim by construction
+SAME_MODELS = "the simulation holds the model of each measured object, not of another object of its kind"
+NO_SESSIONS = "the receiver has no gain and no start offset of its own in each session"
+FLOOR_ONLY = "within 1 m of the target, the court has only the floor"
+ONE_OBJECT = "a class has a single object"
 TEXT, CENTROID = "nearest text", "other recordings"  # names of probes
 GEOMETRY = {name: "symmetric" if entry.symmetric else "asymmetric" for name, entry in catalogue().items()}
 SHAPE: dict[str, str] = {name: entry.shape for name, entry in catalogue().items()}
@@ -95,46 +108,45 @@ class RecognitionRows(RowList):
 
     def share(
         self, case: Mapping[str, Any], hits: NDArray, recordings: Samples, keys: Sequence[str], chance: float, claim: Claim = NONE,
-        balanced: bool = False,
+        balanced: bool = False, answers: Sequence[NDArray] | None = None,
     ) -> Row:  # fmt: skip
-        """Append the accuracy (share of correct predictions).
+        """Append the accuracy (share of correct predictions). A claim without a condition says that it is above chance.
 
-        A claim without a condition holds if the confidence interval of the accuracy lies above chance. For a plain accuracy, the exact
-        binomial p value must also be below 0.05. The trials of this test are the objects.
+        If `answers` is given, the test permutes the classes of the objects, and the accuracy without an effect is the mean accuracy of the
+        permuted classes. This asks for several objects in each class. Otherwise the interval is a bootstrap over objects.
 
         Args:
             hits: boolean (seeds, N), whether each prediction is correct.
             balanced: if true, the accuracy is the balanced accuracy (mean of the accuracies of all classes).
+            answers: (seeds) predicted classes (N,).
         """
-        classes, metric = (recordings.label, "balanced accuracy") if balanced else (None, "accuracy")
-        found = self._clustered(hits, recordings, SHARE, classes)
-        if found.low == found.high:  # all resamples are equal, for example if all predictions are correct
-            found = interval(found.value, found.n)
-        if not balanced:
-            p, least = (binomial_p(count, found.n, chance) for count in (math.floor(found.value * found.n + 1e-9), found.n))
-            found = replace(found, p=p, least_p=least)
-        elif any(np.unique(recordings.object[recordings.label == one]).size < 2 for one in np.unique(recordings.label)):
-            claim = replace(claim, untestable="a class has a single object")
-        if not claim.bounded:
-            claim = replace(claim, above=chance, p_below=None if balanced else LEVEL)
+        metric, null = "balanced accuracy" if balanced else "accuracy", None
+        if answers is not None and np.unique(recordings.label).size > 1:
+            found = permuted_accuracy(answers, recordings, self.config.seed, balanced)
+            null = float(found.shuffled.mean())  # type: ignore[union-attr]
+        else:
+            found = self._clustered(hits, recordings, SHARE, recordings.label if balanced else None)
+            if found.low == found.high:  # all resamples are equal, for example if all predictions are correct
+                found = replace(share(found.value * found.n, found.n), closed=found.closed)
+        if balanced and any(np.unique(recordings.object[recordings.label == one]).size < 2 for one in np.unique(recordings.label)):
+            claim = replace(claim, untestable=ONE_OBJECT)
+        if claim.bound is None and claim.null is None:
+            claim = replace(claim, bound=chance, null=null)
         columns = statistics_columns(len(recordings), chance, np.nanmean(np.atleast_2d(hits), axis=1))
         return self.add({**case, **columns}, metric, found, keys, claim, count_sources(recordings))
 
     def gain(
         self, case: Mapping[str, Any], first: NDArray, second: NDArray, recordings: Samples, keys: Sequence[str], claim: Claim = NONE
     ) -> Row:
-        """Append the accuracy of `first` minus that of `second` on the same recordings.
-
-        The claim holds if the confidence interval of this difference lies above LEAST_GAIN. The claim cannot be tested if both methods
-        classify every recording correctly. It also cannot be tested if their accuracies differ for fewer than FEWEST_UNEQUAL objects.
+        """Append the accuracy of `first` minus that of `second` on the same recordings, with the test that swaps the methods of objects.
+        The claim is that the gain is above LEAST_GAIN.
         """
-        ours, theirs = (np.atleast_2d(hits).mean(axis=0) for hits in (first, second))
-        found = self._clustered(ours - theirs, recordings, SIGNED)
-        unequal = np.unique(recordings.object[ours != theirs]).size
-        few = f"the answers of the methods differ for {unequal} objects ({FEWEST_UNEQUAL} needed)" if unequal < FEWEST_UNEQUAL else ""
-        ceiling = "both classify every recording correctly" if ours.min() == theirs.min() == 1 else ""
-        claim = replace(claim, above=LEAST_GAIN, untestable=ceiling or few)
+        differences = np.atleast_2d(first).mean(axis=0) - np.atleast_2d(second).mean(axis=0)
+        _, item = np.unique(recordings.object, return_inverse=True)
+        found = sign_flipped(np.bincount(item, differences) / np.bincount(item), self.config.seed, SIGNED)
         case = {**case, **statistics_columns(len(recordings), 0.0)}
+        claim = replace(claim, bound=LEAST_GAIN, null=0.0)
+        found = replace(found, closed=is_closed(recordings))
         return self.add(case, "gain in accuracy", found, keys, claim, count_sources(recordings))
 
     def control(
@@ -145,42 +157,42 @@ class RecognitionRows(RowList):
         Only the shuffles are independent of each other. The recordings of one shuffle are not independent, because the same few labels
         classify all of them.
         """
-        spread = "all shuffles have the same accuracy" if np.ptp(shares) == 0 else ""
-        claim = Claim("at chance", contains=chance, margin=CHANCE_MARGIN, untestable=spread)
         case = {**case, **statistics_columns(len(scored), chance, shares)}
-        return self.add(case, metric, over_shuffles(shares), keys, claim, count_sources(scored))
+        return self.add(
+            case, metric, students_t(shares, SHARE, "shuffles"), keys, at_chance("at chance", "", chance), count_sources(scored)
+        )
 
     def _clustered(self, values: NDArray, recordings: Samples, limits: tuple[float, float], classes: NDArray | None = None) -> Estimate:
-        return clustered(values, recordings.object, self.config.profile.resamples, self.config.seed, classes, limits)
+        found = clustered(values, recordings.object, self.config.profile.resamples, self.config.seed, classes, limits)
+        return replace(found, closed=is_closed(recordings))
 
 
-def interval(value: float, n: int) -> Estimate:
-    """Return the estimate of a share of successes in n independent trials, with its exact binomial interval."""
-    low, value, high = exact_interval(value, n)
-    return Estimate(value, low, high, n, limits=SHARE)
+def at_chance(text: str, paper: str, chance: float) -> Claim:
+    """Return the claim that an accuracy is that of chance."""
+    return Claim(text, paper, direction=EQUAL, null=chance, margin=CHANCE_MARGIN)
 
 
-def over_shuffles(shares: NDArray) -> Estimate:
-    """Return the mean of the accuracies (N,) of independent shuffles with its 95 % interval by Student's t distribution.
-
-    >>> found = over_shuffles(np.array([0.0, 0.1, 0.2]))
-    >>> round(found.low, 3), round(found.value, 3), round(found.high, 3)
-    (-0.148, 0.1, 0.348)
-    """
-    from scipy.stats import t
-
-    mean, count = float(np.mean(shares)), len(shares)
-    half = float(t.ppf(0.975, count - 1) * np.std(shares, ddof=1) / np.sqrt(count)) if count > 1 else 0.0
-    return Estimate(mean, mean - half, mean + half, count, limits=SHARE)
+def is_closed(recordings: Samples) -> bool:
+    """Return whether every object is a class of its own, so that the objects are no sample of anything."""
+    return np.unique(recordings.label).size == np.unique(recordings.object).size
 
 
-def sign_test(found: Estimate, differences: NDArray, groups: NDArray) -> Estimate:
-    """Return `found` with the one-sided exact p value of a sign test that the mean differences (N,) of most groups (N,) are positive.
+def permuted_accuracy(answers: Sequence[NDArray], recordings: Samples, seed: int, balanced: bool = False) -> Estimate:
+    """Return the accuracy, with the test that permutes the classes of the objects and keeps the answers on each object."""
+    objects, item = np.unique(recordings.object, return_inverse=True)
+    kinds, truth = np.unique(recordings.label, return_inverse=True)
+    counts = np.array([[np.sum(np.stack(answers)[:, item == one] == kind) for kind in kinds] for one in range(len(objects))], float)
+    total, order = np.bincount(item) * float(len(answers)), orders(len(objects), seed)
+    classes = truth[[np.flatnonzero(item == one)[0] for one in range(len(objects))]][order]  # (permutations, objects)
+    right = counts[np.arange(len(objects)), classes]
+    if balanced:
+        of_kind = [classes == kind for kind in range(len(kinds))]
+        shuffled = np.mean([(right * one).sum(axis=1) / (total * one).sum(axis=1) for one in of_kind], axis=0)
+    else:
+        shuffled = right.sum(axis=1) / total.sum()
+    return permuted(float(shuffled[0]), shuffled, len(objects), SHARE)
 
-    Groups whose mean difference is zero are left out. If no group remains, p is 1.
-    """
-    _, group = np.unique(groups, return_inverse=True)
-    signs = np.sign(np.round(np.bincount(group, differences), 12))
-    wins, losses = int(np.sum(signs > 0)), int(np.sum(signs < 0))
-    p, least = (binomial_p(count, wins + losses, 0.5) if wins + losses else 1.0 for count in (wins, wins + losses))
-    return replace(found, p=p, least_p=least)
+
+def sign_test(wins: int, losses: int) -> Estimate:
+    """Return the share of wins with its exact binomial interval. Without wins and losses, the share is 0.5 and unknown."""
+    return share(wins, wins + losses) if wins + losses else Estimate(0.5, 0.0, 1.0, 0, test=BINOMIAL)

@@ -78,7 +78,7 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
     chance, used = uniform_chance(measured), sorted(keys)
     for probe, of in hits.items():
         for kind, found in of.items():
-            case = {"level": "label_free" if probe == TEXT else "few_shot", "probe": probe, "copies": kind}
+            case = {"supervision": "label_free" if probe == TEXT else "few_shot", "probe": probe, "copies": kind}
             shown[kind][probe] = rows.share(case, found, measured, used, chance)
             if kind != ALL:
                 claim = Claim("drawing all quantities helps") if kind == NOISE_ONLY else Claim()

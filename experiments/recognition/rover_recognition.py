@@ -23,7 +23,7 @@ from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition import labelled_probe, transfer
 from experiments.recognition.figures import bars, confusions
-from experiments.recognition.protocol import CHANCE_MARGIN, MATERIAL, SHAPE, RecognitionRows, correct, encoders
+from experiments.recognition.protocol import MATERIAL, NO_SESSIONS, SHAPE, RecognitionRows, at_chance, correct, encoders
 from radartwin.config.config import Config
 from radartwin.errors import InputError
 from radartwin.io.progress import Progress
@@ -72,7 +72,7 @@ class Drives:
         return self.room == PAPER_ROOM
 
     def case(self, level: str, classes: str, method: str) -> dict[str, Any]:
-        return {"level": level, "room": self.room, "motion": self.motion, "classes": classes, "method": method}
+        return {"supervision": level, "room": self.room, "motion": self.motion, "classes": classes, "method": method}
 
 
 @dataclass
@@ -123,7 +123,7 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
     metrics = {
         f"{r['room']}_{r['motion']}_object": r["value"]
         for r in rows
-        if r["method"] == TRAINED and r["classes"] == "object" and r["level"] == "label_free"
+        if r["method"] == TRAINED and r["classes"] == "object" and r["supervision"] == "label_free"
     }
     return Result("rover_recognition", rows, figures, metrics, sorted(used))
 
@@ -146,10 +146,12 @@ def _add_label_free(rows: RecognitionRows, shown: Shown, drives: Drives) -> None
         if motion == "lateral" and (in_paper or names is None):
             text = "label-free transfer is above chance" if in_paper else "label-free transfer stays at chance"
         # In the paper, recognition does not transfer in the other room.
-        claim = Claim(text, ours, contains=None if in_paper else chance, margin=CHANCE_MARGIN)
-        row = rows.share(drives.case("label_free", classes, TRAINED), hits, truth, frames.keys, chance, claim)
-        claim = Claim("matching raw signatures fails" if in_paper and names is None else "", theirs, reaches=chance, margin=CHANCE_MARGIN)
-        other = rows.share(drives.case("label_free", classes, RAW), raw_hits, truth, frames.keys, chance, claim)
+        claim = Claim(text, ours) if in_paper else at_chance(text, ours, chance)
+        case, answers = drives.case("label_free", classes, TRAINED), None if names is None else predictions
+        row = rows.share(case, hits, truth, frames.keys, chance, claim, answers=answers)
+        claim = at_chance("matching raw signatures fails" if in_paper and names is None else "", theirs, chance)
+        case, answers = drives.case("label_free", classes, RAW), None if names is None else [raw]
+        other = rows.share(case, raw_hits, truth, frames.keys, chance, replace(claim, untestable=NO_SESSIONS), answers=answers)
         claim = Claim("training on the twin beats matching its raw signatures")
         rows.gain(drives.case("label_free", classes, f"{TRAINED} - {RAW}"), hits, raw_hits, truth, frames.keys, claim)
         if in_paper:
@@ -190,9 +192,9 @@ def _add_materials(rows: RecognitionRows, shown: Shown, drives: Drives, source: 
     for method, (predictions, paper) in methods.items():
         hits = correct(predictions, truth.label)
         case = drives.case("calibrated", "material", method)
-        plain = rows.share(case, hits, truth, frames.keys, majority_share(truth), Claim(paper=paper))
+        plain = rows.share(case, hits, truth, frames.keys, majority_share(truth), Claim(paper=paper), answers=predictions)
         claim = Claim("one reflector recording lifts material above chance") if method == TRAINED else Claim()
-        rows.share(case, hits, truth, frames.keys, 1 / len(truth.classes), claim, balanced=True)
+        rows.share(case, hits, truth, frames.keys, 1 / len(truth.classes), claim, balanced=True, answers=predictions)
         if in_paper and method != "without calibration":
             shown.bars.setdefault(f"{motion}\nmaterial", {})[method] = plain
 
@@ -231,7 +233,7 @@ def _add_turntable(rows: RecognitionRows, shown: Shown, source: RecordingSource,
     trained = encoders(config, label_free(data.copies[labelled_probe.PRETRAINED], measured))
     hits = correct([leave_one_out_centroid(encoder.embedded(measured)) for encoder in trained], measured.label)
     raw = correct([leave_one_out_centroid(measured)], measured.label)
-    case = {"level": "few_shot", "room": "lab", "motion": "turntable", "classes": "object", "method": TRAINED}
+    case = {"supervision": "few_shot", "room": "lab", "motion": "turntable", "classes": "object", "method": TRAINED}
     claim = Claim("the labelled probe is above chance", "0.95 +- 0.02")
     row = rows.share(case, hits, measured, keys, chance, claim)
     other = rows.share(case | {"method": labelled_probe.RAW}, raw, measured, keys, chance, Claim(paper="0.90"))

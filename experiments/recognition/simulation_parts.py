@@ -111,7 +111,7 @@ def _result(config: Config, hits: Mapping[str, Mapping[str, NDArray]], truth: Sa
     shown: dict[str, dict[str, Any]] = {}
     for probe, of in hits.items():
         for name, found in of.items():
-            case = {"level": "label_free" if probe == TEXT else "few_shot", "probe": probe, "simulation": name}
+            case = {"supervision": "label_free" if probe == TEXT else "few_shot", "probe": probe, "simulation": name}
             shown.setdefault(probe, {})[name] = rows.share(case, found, truth, keys, chance)
             if name != EVERYTHING:
                 claim = Claim(HELPS[name])

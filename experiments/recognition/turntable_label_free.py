@@ -8,13 +8,25 @@ paper, the object itself is not recognised.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from experiments import draws
 from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition.copies import measured_and_copies
 from experiments.recognition.figures import bars, confusions
-from experiments.recognition.protocol import CHANCE_MARGIN, GEOMETRY, MATERIAL, RecognitionRows, anchors, correct, encoders, settings
+from experiments.recognition.protocol import (
+    GEOMETRY,
+    MATERIAL,
+    SAME_MODELS,
+    RecognitionRows,
+    anchors,
+    at_chance,
+    correct,
+    encoders,
+    settings,
+)  # fmt: skip
 from experiments.recognition.readings import MOTION, paired
 from experiments.recognition.transfer import ranked
 from radartwin.config.config import Config
@@ -65,14 +77,15 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
         truth = plain.test
         claim = Claim(f"{attribute} transfers: above the majority", PAPER[attribute])
         for method, splits, claimed in ((RANKS, [plain], Claim()), (ENCODER, [label_free(*pair) for pair in embedded], claim)):
-            hits = correct([transferred_probe(one) for one in splits], truth.label)
-            case = {"level": "label_free", "attribute": attribute, "method": method}
-            shown.setdefault(attribute, {})[method] = rows.share(case, hits, truth, keys, majority_share(truth), claimed)
+            answers = [transferred_probe(one) for one in splits]
+            hits = correct(answers, truth.label)
+            case = {"supervision": "label_free", "attribute": attribute, "method": method}
+            shown.setdefault(attribute, {})[method] = rows.share(case, hits, truth, keys, majority_share(truth), claimed, answers=answers)
     texts, temperature = anchors(split.test.classes), settings(config).temperature
     names = [nearest_text(encoder, split.unlabelled, texts, temperature) for encoder in trained]
     chance = uniform_chance(split.test)
-    case = {"level": "label_free", "attribute": "identity", "method": ENCODER}
-    claim = Claim("identity stays at chance", "does not transfer", reaches=chance, margin=CHANCE_MARGIN)
+    case = {"supervision": "label_free", "attribute": "identity", "method": ENCODER}
+    claim = replace(at_chance("identity stays at chance", "does not transfer", chance), untestable=SAME_MODELS)
     shown["identity"] = {ENCODER: rows.share(case, correct(names, split.test.label), split.test, keys, chance, claim)}
     figures = {
         "turntable_label_free": lambda: bars(shown, "accuracy", grey=RANKS),

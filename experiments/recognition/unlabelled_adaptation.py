@@ -112,7 +112,7 @@ def _result(config: Config, hits: dict[tuple[str, str], NDArray], whole: Samples
     shown: dict[str, dict[str, Any]] = {}
     for (batch, method), found in hits.items():
         scored = ~np.isnan(found).all(axis=0)
-        case = {"level": "label_free", "batch": batch, "method": method}
+        case = {"supervision": "label_free", "batch": batch, "method": method}
         shown.setdefault(batch, {})[method] = rows.share(case, found[:, scored], whole.take(scored), keys, chance)
         if method != STATISTICS:
             claim = Claim("unequal class shares are corrected") if (batch, method) == ("skewed", WEIGHTED) else Claim()

@@ -22,6 +22,7 @@ from experiments.campaign.frame import Column, Frame
 from experiments.cells import Cell, first_draw, keys, mean, paired, table_rows
 from experiments.claims import NONE, Claim
 from experiments.rover.rover_fidelity import WHERE
+from experiments.statistics import POSITIVE
 from radartwin.config.config import Config
 from radartwin.features import cloud
 from radartwin.features.profile import FAR_M, NEAR_M
@@ -47,7 +48,7 @@ TABLE = Table(
 )
 MOTIONS = ROVER
 SHIFTS_M = (FAR_M - NEAR_M) * np.arange(1, 8) / 8  # distances in range by which the control moves the simulated cloud
-BETTER = Claim("more measured detections agree with the simulation than with the control", "", above=0.05)
+BETTER = Claim("more measured detections agree with the simulation than with the control", "", bound=0.05, null=0.0)
 
 
 FOUND, CONTROL = "measured detections that are simulated", "measured detections that are simulated, control"
@@ -79,7 +80,7 @@ def cells(frame: Frame) -> Iterator[Cell]:
     for (place, here), (_, some) in zip(frame.groupby(WHERE), pairs.groupby(WHERE), strict=True):
         for metric in METRICS:
             if len(defined := some[metric].dropna()):
-                yield Cell(_at(place), metric, here, mean(defined))
+                yield Cell(_at(place), metric, here, mean(defined, POSITIVE))
     pairs[GAIN] = pairs[FOUND] - pairs[CONTROL]
     for (room, motion), some in pairs.dropna(subset=GAIN).groupby(["room", "motion"]):
         here = frame[(frame.room == room) & (frame.motion == motion)]

@@ -26,7 +26,6 @@ from experiments.campaign.frame import Frame, features
 from experiments.cells import Cell, first_draw, keys, table_rows, using
 from experiments.claims import NONE, Claim
 from experiments.rover.figures import slices_figure
-from experiments.rover.rover_fidelity import MOST_DRAWN
 from experiments.statistics import Estimate
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
@@ -43,9 +42,10 @@ TABLE = Table(
 )
 
 MOTIONS = ROVER
+MOST_DRAWN = 300  # largest number of bootstrap resamples, because every resample ranks every feature again
 SHARE = "share of the disagreement, per degree of freedom"
-INFLATED = Claim("pooling distances inflates the correlation of features", "0.8 to 0.5", above=0.05)
-ROOM_FIRST = Claim("the room decides the disagreement more than object or distance", "environment dominates", above=0.05)
+INFLATED = Claim("pooling distances inflates the correlation of features", "0.8 to 0.5", bound=0.05, null=0.0)
+ROOM_FIRST = Claim("the room decides the disagreement more than object or distance", "environment dominates", bound=0.05, null=0.0)
 Label = tuple[str, str, float]  # object, room, distance
 POSITIONS = {"object": 0, "distance": 2, "room": 1}  # index of each factor in a Label
 Levels = Mapping[Label, NDArray[np.floating]]  # values (2, features): measured, simulated

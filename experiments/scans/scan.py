@@ -36,7 +36,7 @@ TABLE = Table(
     title="From a scan to surfaces",
     caption="A virtual phone with LiDAR moves through each procedural room. Its frames are fused, segmented and outlined like those of "
     "a user, and scored against the true room. The strength scales every error of the phone. The project chose the targets, and "
-    "checks them at every strength. A claim holds if the whole interval keeps the limit; the score of a single scan has no interval. "
+    "checks them at every strength. A limit holds if the whole interval keeps it; the score of a single scan has no interval. "
     "n counts scans, or true surfaces of which the phone saw at least 0.25 m2, including surfaces without a segment. Intervals are "
     "bootstraps over the scans or surfaces.",
 )
@@ -82,7 +82,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         keys += [product.key for product in products]
         rows += case_rows(room, strength, scored[room, strength], config.profile.resamples, config.seed, products[0].key)
     figures: dict[str, Callable[[], Figure]] = {"scan_surfaces": lambda: _figure({case: found[0] for case, found in scored.items()})}
-    metrics = {f"{r['metric']}_{r['room']}_{r['strength']:g}": r["value"] for r in rows if r["verdict"] != "untestable"}
+    metrics = {f"{r['metric']}_{r['room']}_{r['strength']:g}": r["value"] for r in rows if r["verdict"]}
     return Result(TABLE.name, rows, figures, dict(list(metrics.items())[:30]), keys)
 
 
@@ -185,7 +185,7 @@ def _row(
     return {
         "room": room, "strength": strength, "claim": claim, "limit": "" if limit is None else f"{'>=' if least else '<='} {limit:g}",
         "metric": metric, "scans": scans, "run_keys": key[:8], "paper": "", "value": found.value, "low": found.low, "high": found.high,
-        "n": found.n, "domain": "virtual scan", "verdict": claims.verdict(holds),
+        "n": found.n, "domain": "virtual scan", "verdict": claims.limit_kept(holds),
     }  # fmt: skip
 
 

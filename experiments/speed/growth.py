@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.claims import NONE, Claim, row
+from experiments.claims import BELOW, NONE, Claim, row
 from experiments.speed.flat_of_rooms import flat
 from experiments.speed.machine import machine
 from experiments.statistics import Estimate, exact
@@ -175,7 +175,7 @@ def table(config: Config, sweep: Sweep, measured: Sequence[Mapping[str, Any]], k
         case = {"size": sweep.size, "part": part, "machine": "; ".join(machine().values())}
         for size, value in zip(sizes, spent, strict=True):
             rows.append(row(config, {**case, "at": float(size)}, SECONDS, exact(float(value), 1), [key], NONE))
-        claim = Claim(f"the slope is at most {limit:g}", below=limit)
+        claim = Claim(f"the slope is at most {limit:g}", bound=limit, direction=BELOW, limit=True)
         rows.append(row(config, {**case, "at": None}, SLOPE, slope(sizes, spent), [key], claim))
     return rows
 

@@ -24,9 +24,9 @@ from experiments.campaign.frame import Frame, stored
 from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
 from experiments.cells import Cell, first_draw, keys, mean, table_rows
-from experiments.claims import NONE, Claim, RowList
+from experiments.claims import BELOW, NONE, Claim, RowList
 from experiments.drawing import error_bars, range_map
-from experiments.statistics import SHARE, SIGNED
+from experiments.statistics import FISHER, SCALES, SHARE, SIGNED
 from experiments.turntable import operating_points
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
@@ -48,7 +48,7 @@ TABLE = Table(
     "beyond the target. Rows with a ratio of target to room belong to one operating point: the leg of the reflector, the lobes of the "
     "measuring antennas, and the mean or median of the frames. The column 'at operating point' repeats a row at the point that has the "
     "paper's figures, if there is such a point. Profiles span 0.3 to 5.5 m. Intervals are 95 % percentile bootstraps over the measured "
-    "recordings (column items). Column n also counts the simulated recordings. A row without a claim of the paper is marked untestable.",
+    "recordings (column items). Column n also counts the simulated recordings.",
 )
 
 TARGET, ROOM_NAME = "corner_reflector", "lab"
@@ -58,11 +58,13 @@ SIDES = {"measured": ("measured", None), "room": ("twin", None), "uniform": ("tw
 SHOWN = ("measured", "room", "void")  # sides that the range-time figure shows
 PAPER_DISTANCE_M = operating_points.DISTANCE_M  # distance for which the paper gives values
 ROOM = Claim(paper="+0.42")
-CLOSER = Claim("the room brings the profile closer to the measured one", "above 0", above=0.1)
-WIDENS = Claim("the gain in correlation increases with distance", "above 0", above=0.1)
-BEYOND = Claim("most of the energy arrives from beyond the target", "about 0.75", above=0.5)
+# bounds of gains on Fisher's scale, on which a gain of 0.1 asks for as much at every correlation
+CLOSER = Claim("the room brings the profile closer to the measured one", "above 0", bound=0.1, null=0.0)
+WIDENS = Claim("the gain in correlation increases with distance", "above 0", bound=0.1, null=0.0)
+BEYOND = Claim("most of the energy arrives from beyond the target", "about 0.75", bound=0.5)
 # the paper says "essentially uncorrelated or weakly anti-correlated"; this claim sets an upper bound on the interval
-UNCORRELATED = Claim("without the room the profiles do not correlate", "-0.24", below=0.1)
+UNCORRELATED = Claim("without the room the profiles do not correlate", "-0.24", bound=0.1, direction=BELOW)
+GAIN = "gain in Fisher's z"
 CORRELATED = {"void": UNCORRELATED, "room": ROOM}
 
 
@@ -177,11 +179,13 @@ def cells(labels: Mapping[str, str], frame: Frame) -> Iterator[Cell]:
             found = {side: _correlations(here, side, scale) for side in ("void", "room", "uniform") if side in labels}
             for side, values in found.items():
                 of, claim = here[here.side.isin(["measured", side])], CORRELATED.get(side, NONE) if at_paper else NONE
-                yield Cell({**at, "case": labels[side], "scale": scale}, "profile correlation", of, mean(values, SIGNED), claim)
+                yield Cell({**at, "case": labels[side], "scale": scale}, "profile correlation", of, mean(values, SIGNED, FISHER), claim)
             for side in [side for side in found if side != "void"]:
-                gain, of = found[side] - found["void"], here[here.side.isin(["measured", side, "void"])]
+                of = here[here.side.isin(["measured", side, "void"])]
                 case = {**at, "case": f"{labels[side]} - void", "scale": scale}
-                yield Cell(case, "gain in correlation", of, mean(gain), CLOSER if side == "room" else NONE)
+                yield Cell(case, "gain in correlation", of, mean(found[side] - found["void"], (-2.0, 2.0)))
+                gain = SCALES[FISHER][0](found[side]) - SCALES[FISHER][0](found["void"])
+                yield Cell(case, GAIN, of, mean(gain), CLOSER if side == "room" else NONE)
                 if side == "room":
                     gains[scale, distance] = gain
         for side, label in labels.items():

@@ -29,7 +29,7 @@ APART_M = 1e-6  # gap between facets, so that they have no common vertices and s
 NEAR_M = 1.0
 HALF_BAND = 8  # cycles per revolution on each side of FACETS
 SEEDS = (1, 2, 3)  # random seeds of the ray grid
-RIPPLES = Claim("flat facets ripple at their own number of cycles", "about 128 cycles", above=10.0)
+RIPPLES = Claim("flat facets ripple at their own number of cycles", "about 128 cycles", bound=10.0, null=1.0)
 
 
 def can(flat: bool) -> trimesh.Trimesh:

@@ -18,7 +18,7 @@ from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TW
 from experiments.campaign.frame import Frame, shared
 from experiments.campaign.schedule import RecordingTask
 from experiments.cells import Cell, difference, first_draw, gap, keys, mean, per, table_rows
-from experiments.claims import NONE, Claim
+from experiments.claims import BELOW, NONE, Claim
 from experiments.drawing import DOMAIN_STYLES, legend_above, panels_width_in
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
@@ -43,9 +43,9 @@ MOTIONS = ("turntable",)
 CLASSES = ("metal", "ceramic", "plastic")
 LEAST_DB = 1.0  # smallest difference of brightness that counts as an effect
 
-OVER = Claim("metal is brighter than plastic", "above 0", above=LEAST_DB)
-EXAGGERATES = Claim("the simulation exaggerates the contrast of metal and plastic", "above 0", above=LEAST_DB)
-DIM_MUG = Claim("the simulation under-predicts the ceramic mug", "below 0", below=-LEAST_DB)
+OVER = Claim("metal is brighter than plastic", "above 0", bound=LEAST_DB, null=0.0)
+EXAGGERATES = Claim("the simulation exaggerates the contrast of metal and plastic", "above 0", bound=LEAST_DB, null=0.0)
+DIM_MUG = Claim("the simulation under-predicts the ceramic mug", "below 0", bound=-LEAST_DB, direction=BELOW, null=0.0)
 EXCESS = {  # class: gap between the domains whose contrast between metal and the class is the estimate, metric and claim
     "plastic": (gap(BRIGHTNESS, TWIN, MEASURED), "excess of contrast (dB)", EXAGGERATES),
     "ceramic": (gap(BRIGHTNESS, MEASURED, TWIN), "mug, relative to the cans (dB)", DIM_MUG),

@@ -12,16 +12,16 @@ ranges lies in the target gate in at least half of its measured recordings; the 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments import draws, statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN
 from experiments.campaign.frame import Column, Frame
 from experiments.cells import Cell, first_draw, keys, mantel, mean, paired, per, rank_correlation, table_rows, using
-from experiments.claims import NONE, Claim
+from experiments.claims import BELOW, NONE, Claim
 from experiments.drawing import DOMAIN_STYLES, legend_above
 from experiments.statistics import Estimate
 from experiments.turntable.facet_ripple import ripple_rows
@@ -50,17 +50,16 @@ TABLE = Table(
 MOTIONS = ("turntable",)
 RATIO = "harmonic_ratio"
 SHAPE_FEATURES = (RATIO, *(f"harmonic_{m}" for m in range(1, 7)), "crest_factor", "entropy", "azimuth_extent_rad")
-PERMUTATIONS = 999  # the smallest possible p is then 0.001, as in the paper
 LOWEST = 1e-12  # the harmonic ratio of a round object without noise is exactly zero
+PERMUTATIONS = 999  # the smallest possible p is then 0.001, as in the paper
 LOWEST_SHOWN = 1e-4  # lower end of the axis of harmonic ratios; a simulated can has a ratio of zero
-MIN_OBJECTS = 7  # over six or fewer objects, the interval of a rank correlation extends over almost all possible values
 
-SPLIT = Claim("cans are flatter than the reflector and the bottles", "0.72 / 0.18 = 4", above=1.5)
-ORDER = Claim("the order of objects is kept", "0.76", above=0.0, p_below=0.05, least=MIN_OBJECTS)
-CLEAN = Claim("the order of cleanly localised objects is kept", "0.89", above=0.0, p_below=0.05, least=MIN_OBJECTS)
-STRUCTURE = Claim("distances between objects are kept", "r 0.85, p 0.001", above=0.0, p_below=0.05, least=MIN_OBJECTS)
+SPLIT = Claim("cans are flatter than the reflector and the bottles", "0.72 / 0.18 = 4", bound=1.5, null=1.0)
+ORDER = Claim("the order of objects is kept", "0.76", bound=0.0)
+CLEAN = Claim("the order of cleanly localised objects is kept", "0.89", bound=0.0)
+STRUCTURE = Claim("distances between objects are kept", "r 0.85, p 0.001", bound=0.0)
 ALIKE = Claim("", "0.76")
-OWN = Claim("a measured signature is more similar to the simulation of the same object than to that of other objects", "", above=0.05)
+OWN = Claim("a measured signature is more similar to the simulation of the same object than to that of other objects", bound=0.05, null=0.0)
 _STABLE = "the reflector's ratio is stable with distance: it varies less than between objects"
 STABLE_M = (0.6, 2.1)  # the paper's distances; at smaller distances the wavefront is curved across the reflector
 
@@ -112,30 +111,24 @@ def _ratios(frame: Frame) -> Iterator[Cell]:
         of = frame[frame.domain == domain]
         for name, some in of.groupby("object", sort=False):
             paper = ("0.03-0.18" if can[some.index[0]] else "0.72-2.5" if peaked[some.index[0]] else "") if domain == MEASURED else ""
-            yield Cell(_case(catalogue()[name].label, LABELS[domain]), "angular harmonic ratio", some, mean(RATIO), Claim(paper=paper))
+            case = _case(catalogue()[name].label, LABELS[domain])
+            yield Cell(case, "angular harmonic ratio", some, mean(RATIO, statistics.POSITIVE), Claim(paper=paper))
         if can.any() and peaked.any():
-            case = _case("least peaked over least flat", LABELS[domain])
+            case = _case("peaked over cans", LABELS[domain])
             yield Cell(case, "ratio of harmonic ratios", of[(can | peaked)[of.index]], _separation, SPLIT)
 
 
 def _separation(rows: Frame, resamples: int, seed: int) -> Estimate:
-    """Estimate the smallest mean harmonic ratio of the objects that are not round divided by the largest mean ratio of the cans.
-
-    The confidence interval comes from a bootstrap over the recordings of each object, and is widened for few recordings.
+    """Estimate the geometric mean of the harmonic ratios of the objects that are not round over that of the cans, from the mean ratio of
+    each object, with a bootstrap over objects.
     """
-    rng = np.random.default_rng(seed)
-    groups = sorted(rows.groupby("object", sort=False), key=lambda group: not is_can(group[0]))  # cans first
-    cans = sum(is_can(name) for name, _ in groups)
-    samples = [some[RATIO].to_numpy() for _, some in groups]
-
-    def separation(drawn: list[NDArray]) -> float:
-        means = [one.mean() for one in drawn]
-        return min(means[cans:]) / max(means[:cans])
-
-    drawn = [separation([rng.choice(some, len(some)) for some in samples]) for _ in range(resamples)]
-    value, fewest = separation(samples), min(map(len, samples))
-    wide = np.exp(statistics.widened(np.log(drawn), np.log(value), fewest))  # the ratio of two positive quantities
-    return statistics.resampled(value, wide, len(rows), (0.0, np.inf))
+    logs = np.log(per(RATIO)(rows).clip(lower=LOWEST))
+    cans = logs.index.map(is_can)
+    found = statistics.difference(logs[~cans].to_numpy(), logs[cans].to_numpy(), resamples, seed)
+    assert found.drawn is not None
+    ratios = (np.exp(one) for one in (found.value, found.low, found.high))
+    return replace(found, **dict(zip(("value", "low", "high"), map(float, ratios), strict=True)), drawn=np.exp(found.drawn),
+                   limits=statistics.POSITIVE, scale=statistics.LOG)  # fmt: skip
 
 
 def _orders(frame: Frame) -> Iterator[Cell]:
@@ -149,7 +142,7 @@ def _orders(frame: Frame) -> Iterator[Cell]:
         if some.object.nunique() > 2:
             yield Cell(_case(label, distance_m=distance), "order of objects", some, order, claim)
     if frame.object.nunique() > 2:
-        yield Cell(_case("all objects"), "distances between objects", frame, mantel(SHAPE_FEATURES, PERMUTATIONS), STRUCTURE)
+        yield Cell(_case("all objects"), "distances between objects", frame, mantel(SHAPE_FEATURES), STRUCTURE)
 
 
 def is_can(name: str) -> bool:
@@ -176,9 +169,9 @@ def _signatures(frame: Frame) -> Iterator[Cell]:
     similar = similarity(frame)
     for name, some in frame.groupby("object", sort=False):
         own = similar.ssim[(similar.object == name) & (similar.object_twin == name)].to_numpy()
-        yield Cell(_case(catalogue()[name].label), "signature (SSIM)", some, mean(own))
+        yield Cell(_case(catalogue()[name].label), "signature (SSIM)", some, mean(own, statistics.SIGNED))
     own, others = own_and_others(similar)
-    yield Cell(_case("all objects"), "signatures", frame, mean(own), ALIKE)
+    yield Cell(_case("all objects"), "signatures", frame, mean(own, statistics.SIGNED), ALIKE)
     if len(own) > 1:
         yield Cell(_case("all objects"), "own signature less others'", frame, mean(own - others.mean(axis=1)), OWN)
 
@@ -193,14 +186,15 @@ def _distances(frame: Frame) -> Iterator[Cell]:
         of = frame[frame.domain == domain]
         ratios = of.groupby(["object", "distance_m"], sort=False)[RATIO].mean().clip(lower=LOWEST).unstack().reindex(of.object.unique())
         objects, spread = ratios.mean(axis=1), (ratios.std(axis=1) / ratios.mean(axis=1)).dropna()
-        claimed = Claim(_STABLE, "0.07", below=float(objects.std() / objects.mean())) if domain == MEASURED else NONE
+        claimed = Claim(_STABLE, "0.07", bound=float(objects.std() / objects.mean()), direction=BELOW) if domain == MEASURED else NONE
         for label, (low, high), claim in (("reflector, 0.6-2.1 m", STABLE_M, claimed), ("reflector, all distances", (0.0, np.inf), NONE)):
             some = of[(of.object == REFLECTOR) & of.distance_m.between(low, high)]
             if some.distance_m.nunique() > 1:
                 values = ratios.loc[REFLECTOR, some.distance_m.unique()]
                 yield Cell(_case(label, LABELS[domain]), metric, some, using(statistics.coefficient_of_variation, values), claim)
         if len(spread):
-            yield Cell(_case("mean of objects", LABELS[domain]), metric, of[of.object.isin(spread.index)], mean(spread))
+            some = of[of.object.isin(spread.index)]
+            yield Cell(_case("mean of objects", LABELS[domain]), metric, some, mean(spread, statistics.POSITIVE))
 
 
 def _ssim_figure(similar: Frame) -> Figure:

@@ -226,7 +226,7 @@ def _rows(key: tuple[str, str, str], each: list[Compared], config: Config) -> li
         n = len(samples)
         found = statistics.mean(samples, config.profile.resamples, config.seed) if n else None
         low, value, high = (found.low, found.value, found.high) if found else (None, None, None)
-        verdict = claims.verdict(None if holds is None or low is None or high is None else holds(low, high))
+        verdict = claims.limit_kept(None if holds is None or low is None or high is None else holds(low, high))
         return {
             "room": room, "detail": detail, "reference": name, "claim": CLAIMS[metric] if holds else "", "metric": metric, "run_keys": "",
             "paper": None, "value": value, "low": low, "high": high, "n": n, "domain": "simulation", "verdict": verdict,

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -56,9 +57,9 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     chosen = [(case, full) for case in CASES if full or case.cost == "quick"]
     with progress.task("validation cases", len(chosen)) as done:
         rows = workers.each(row, chosen, config.jobs, done)
-    count = {verdict: sum(r["verdict"] == verdict for r in rows) for verdict in ("holds", "fails", "untestable")}
-    metrics = {f"cases_{verdict}": float(number) for verdict, number in count.items()}
-    metrics |= {f"share_of_limit_{r['case']}": r["error"] / r["limit"] for r in rows if r["verdict"] == "fails"}
+    count = Counter(row["verdict"] or "absent" for row in rows)
+    metrics = {f"cases_{word}": float(count[word]) for word in (claims.HOLDS, claims.MISSES, "absent")}
+    metrics |= {f"share_of_limit_{r['case']}": r["error"] / r["limit"] for r in rows if r["verdict"] == claims.MISSES}
     figures = {
         "validation_rcs_pattern": lambda: _pattern_figure(full),
         "validation_ray_count": lambda: _ray_count_figure(full),
@@ -80,13 +81,13 @@ def row(case: Case, full: bool) -> dict[str, Any]:
         found = case.compare(full)
     except Untestable as reason:
         return {
-            **shared, "oracle": f"untestable: {reason}", "reference": None, "ours": None, "error": None, **score,
-            "value": None, "n": 0, "domain": DOMAIN, "verdict": "untestable", "seconds": None,
+            **shared, "oracle": f"absent: {reason}", "reference": None, "ours": None, "error": None, **score,
+            "value": None, "n": 0, "domain": DOMAIN, "verdict": "", "seconds": None,
         }  # fmt: skip
     error = found.error if math.isfinite(found.error) else NOT_FINITE
     return {
         **shared, "oracle": case.oracle, "reference": found.reference, "ours": found.ours, "error": error, **score,
-        "value": error, "n": found.n, "domain": DOMAIN, "verdict": claims.verdict(found.error <= case.limit),
+        "value": error, "n": found.n, "domain": DOMAIN, "verdict": claims.limit_kept(found.error <= case.limit),
         "seconds": round(time.perf_counter() - started, 2),
     }  # fmt: skip
 

@@ -100,9 +100,9 @@ class Config:
         if self.contents not in CONTENTS:
             raise ConfigError(f"contents={self.contents} is not known; options: {', '.join(CONTENTS)}")
         campaign, draw = self.profile.campaign, self.measured.draw
-        last = max(campaign.draws, campaign.rover_draws) - 1
-        if draw is not None and draw > last:
-            raise ConfigError(f"measured.draw={draw} does not exist: the draws of profile={self.profile.name} are 0 to {last}")
+        first, last = campaign.first_draw, campaign.first_draw + max(campaign.draws, campaign.rover_draws) - 1
+        if draw is not None and not first <= draw <= last:
+            raise ConfigError(f"measured.draw={draw} does not exist: the draws of profile={self.profile.name} are {first} to {last}")
         source, scene = self.materials.source, self.scene
         if source == "void" and scene.target == "none":
             raise ConfigError("materials=void with scene.target=none leaves nothing to simulate; choose a scene.target")

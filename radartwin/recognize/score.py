@@ -24,17 +24,6 @@ def majority_share(samples: Samples) -> float:
     return float(counts.max() / counts.sum())
 
 
-def binomial_p(successes: int, n: int, chance: float) -> float:
-    """Return the exact probability of at least `successes` successes in n independent trials with success probability `chance`.
-
-    >>> binomial_p(30, 100, 0.1) < 1e-6
-    True
-    """
-    from scipy.stats import binomtest
-
-    return float(binomtest(successes, n, chance, alternative="greater").pvalue)
-
-
 def seed_mean(
     right: NDArray, groups: NDArray, resamples: int, seed: int, classes: NDArray | None = None
 ) -> tuple[float, NDArray[np.float64]]:

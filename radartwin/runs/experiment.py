@@ -26,7 +26,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SCORE_COLUMNS = ("metric", "paper", "value", "low", "high", "n", "domain", "verdict")  # the last columns of every table, in this order
-VERDICTS = ("holds", "fails", "untestable")
+VERDICTS = ("supported", "direction shown", "undecided", "contradicted", "not testable here")  # experiments/claims.py says what they mean
+# columns from which the verdict on a claim follows
+JUDGED = ("bound", "direction", "null", "margin", "level", "family", "test", "unit", "p", "freedom", "interval_scale", "lowest", "highest")
+LIMITS = ("holds", "misses")  # verdicts of tables that check limits, such as `validation`
 MODELS = "models"  # name of the folder for trained models within a stored result
 
 
@@ -135,15 +138,13 @@ def check_rows(table: str, rows: Sequence[dict[str, Any]]) -> None:
         missing = [c for c in (*SCORE_COLUMNS, "run_keys") if c not in row]
         if missing:
             raise InputError(f"{where}: column {missing[0]} is missing")
-        if row["verdict"] not in VERDICTS:
-            raise InputError(f"{where}: verdict {row['verdict']!r} is not one of {', '.join(VERDICTS)}")
+        if row["verdict"] not in (*VERDICTS, *LIMITS, ""):
+            raise InputError(f"{where}: verdict {row['verdict']!r} is not one of {', '.join((*VERDICTS, *LIMITS))}, or empty")
         if not isinstance(row["n"], numbers.Integral) or row["n"] < 0:
             raise InputError(f"{where}: n counts stored runs or recordings and cannot be {row['n']!r}")
         value, low, high = (row[c] for c in ("value", "low", "high"))
-        if value is None and row["verdict"] != "untestable":
-            raise InputError(
-                f"{where}: the verdict is {row['verdict']!r} but the value is missing; give a value, or the verdict 'untestable'"
-            )
+        if value is None and row["verdict"] not in ("undecided", "not testable here", ""):
+            raise InputError(f"{where}: the verdict is {row['verdict']!r} but the value is missing; give a value, or an empty verdict")
         if None not in (value, low, high) and not low <= value <= high:
             raise InputError(f"{where}: value {value} lies outside its interval {low} to {high}")
 

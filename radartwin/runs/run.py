@@ -10,6 +10,7 @@ import contextlib
 import json
 import os
 import sys
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -22,7 +23,7 @@ from radartwin.config.study import ExperimentConfig
 from radartwin.io.one_line import plural
 from radartwin.io.progress import Progress
 from radartwin.runs.artifacts import Record
-from radartwin.runs.experiment import VERDICTS, Result, load, module_name, read, save
+from radartwin.runs.experiment import LIMITS, VERDICTS, Result, load, module_name, read, save
 from radartwin.runs.tracking import Tracker
 from radartwin.store import products
 from radartwin.store.digest import semantic
@@ -120,7 +121,8 @@ def naming(overrides: Sequence[str]) -> dict[str, str]:
 
 def summary(result: Result) -> str:
     """Format the number of table rows with each verdict, and the metrics, as lines for a terminal."""
-    verdicts = ", ".join(f"{sum(row['verdict'] == v for row in result.rows)} {v}" for v in VERDICTS)
+    counts = Counter(row["verdict"] for row in result.rows)
+    verdicts = ", ".join(f"{counts[word]} {word}" for word in (*VERDICTS, *LIMITS) if counts[word]) or "no verdicts"
     numbers = [f"  {name} = {value:.4g}" for name, value in result.metrics.items()]
     return "\n".join([f"{result.table}: {plural(len(result.rows), 'row')} ({verdicts}); run {result.run_key[:8]}", *numbers])
 

@@ -3,7 +3,7 @@
 The function `as_made` moves every point of an object along its radius by d(azimuth, height), and scales its height. All parts of an object
 follow the same function, so that parts neither touch nor separate. The corner reflector keeps flat plates; the tips of its legs move.
 
-The class `Form` lists the deviations of a kind of object. The sizes at strength 1 were chosen before any table was computed. A tolerance of
+The class `Form` lists the deviations of a kind of object. A tolerance of
 a drawing is taken as two standard deviations:
 - cans, radius and height: the Can Manufacturers Institute's sheet of the 202 drink can has a body of 2.602 +- .007 inches and a can height
   of 4.812 +- .015 inches, which are +-0.09 mm of radius and +-0.38 mm of height.

@@ -10,8 +10,8 @@ from analysis.pages.filled import ROOT, filled
 from experiments.gaps.headline import HEADLINES
 
 TABLE = """case,paper,value,low,high,draws,verdict
-void,-0.24,0.4312,0.402,0.4549,3,fails
-room,+0.42,0.78,0.78,0.78,10,holds
+void,-0.24,0.4312,0.402,0.4549,3,contradicted
+room,+0.42,0.78,0.78,0.78,10,supported
 tiny,,0.0004,,,1,
 """
 WORDS = 2500  # most words of docs/findings.md
@@ -31,7 +31,7 @@ def folder(tmp_path):
     "{{rooms.paper: case=void}}": "-0.24",
     "{{rooms.low: value=0.43120}}": "0.40",
     "{{count rooms:}}": "3",
-    "{{count rooms: verdict!=fails; absent=}}": "2",
+    "{{count rooms: verdict!=contradicted; absent=}}": "2",
     "{{rows rooms: case, value, draws | verdict!=}}": "| void | 0.43 (0.40 to 0.45) | 3 |\n| room | 0.78 | 10 |",
 }.items())  # fmt: skip
 def test_places_are_filled(place, expected, folder):

@@ -114,7 +114,8 @@ def test_summary_counts_claims_and_links_each_to_its_row(read: Read) -> None:
     claimed, total = [(n, row) for n, row in enumerate(rows, 1) if row["claim"]], len(rows) + len(reported.methods()) + 1
     assert f"3 of {len(registry.NAMES)} tables are here. Of their {total} rows {len(claimed)} state a claim." in read.said["summary"]
     count = Counter(row["verdict"] for _, row in claimed)
-    assert f"{count['holds']} hold{count['fails']} fail{count['untestable']} cannot be tested here" in read.said["summary"]
+    words = ("supported", "contradicted", "not testable here")
+    assert "".join(f"{count[word]} {word}" for word in words) in read.said["summary"]
     assert {link for link in read.links if re.fullmatch(r"#environment-\d+", link)} == {f"#environment-{n}" for n, _ in claimed}
 
 
@@ -178,7 +179,7 @@ def test_missing_figure_is_named_and_the_old_report_stays(written: Path, tmp_pat
 def test_damaged_csv_is_named(written: Path, tmp_path: Path, text: str | bytes | None) -> None:
     output = Path(shutil.copytree(written, tmp_path / "out"))
     path = output / "tables" / "environment.csv"
-    broken = path.read_text().replace("holds", "perhaps") if text is None else text
+    broken = path.read_text().replace("supported", "perhaps") if text is None else text
     path.write_bytes(broken if isinstance(broken, bytes) else broken.encode())
     with pytest.raises(MissingError, match=r"environment\.csv is missing or damaged"):
         reported.report(output)

@@ -22,12 +22,12 @@ TABLE = Table("environment", "The room & the signal", "Correlation at 50 % of_al
 def row(**changes: Any) -> dict[str, Any]:
     given = {
         "metric": "r | z", "paper": "-0.24 to +0.42", "value": 1 / 3, "low": 0.25, "high": 0.5, "n": 3,
-        "domain": "testbed", "verdict": "holds", "distance_m": 2.0, "run_keys": "abc def",
+        "domain": "testbed", "verdict": "supported", "distance_m": 2.0, "run_keys": "abc def",
     }  # fmt: skip
     return {**given, **changes}
 
 
-UNTESTABLE = row(value=None, low=None, high=None, n=0, verdict="untestable")
+UNTESTABLE = row(value=None, low=None, high=None, n=0, verdict="undecided")
 
 
 def test_csv_has_case_keys_and_score_in_full_precision() -> None:

@@ -23,7 +23,7 @@ from radartwin.runs.experiment import Result
 
 WIDTH, PHONE = 1280, 390
 FOCUSABLE = "a[href], button, input, select, summary, iframe, [tabindex='0']"
-COLOURS = ("--ink", "--soft", "--accent", "--holds", "--fails", "--untestable")
+COLOURS = ("--ink", "--soft", "--accent", "--good", "--bad")
 READABLE = 4.5  # contrast of text, WCAG 2.2 level AA
 
 
@@ -116,12 +116,13 @@ def test_tab_reaches_every_control(opened: browser.Page) -> None:
 
 def test_claims_are_filtered_by_verdict_and_words_and_sorted_by_a_column(opened: browser.Page) -> None:
     every = shown(opened, "#claims")
-    assert {"holds", "fails", "untestable"} == set(every)
-    opened.click(".cards .fails")
-    assert set(shown(opened, "#claims")) == {"fails"}
-    assert opened.run("document.querySelector('.cards .fails button').getAttribute('aria-pressed')") == "true"
-    assert opened.run("document.querySelector('#summary .tools output').textContent") == f"{every.count('fails')} of {len(every)} rows"
-    opened.click(".cards .fails")
+    assert {"supported", "contradicted", "not testable here"} == set(every)
+    opened.click(".cards .contradicted")
+    assert set(shown(opened, "#claims")) == {"contradicted"}
+    assert opened.run("document.querySelector('.cards .contradicted button').getAttribute('aria-pressed')") == "true"
+    count = opened.run("document.querySelector('#summary .tools output').textContent")
+    assert count == f"{every.count('contradicted')} of {len(every)} rows"
+    opened.click(".cards .contradicted")
     assert shown(opened, "#claims") == every
     opened.run("document.querySelector('#summary .tools input').focus()")
     opened.call("Input.insertText", text="strength 17")
@@ -219,7 +220,7 @@ def test_sliders_move_the_divider_and_the_range_cut(chromium: Callable[[], brows
 
 
 def test_print_unfolds_everything(opened: browser.Page) -> None:
-    opened.click(".cards .fails")
+    opened.click(".cards .contradicted")
     opened.run(
         """addEventListener("beforeprint", () => { window.atPrint = {
           folded: document.querySelectorAll("details:not([open])").length,

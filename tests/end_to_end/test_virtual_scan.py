@@ -44,7 +44,7 @@ def test_scan_scores_stay_within_recorded_bounds(room: str, strength: float, tmp
     for metric in ("median_mm", "p95_mm", "coverage", "glass_recall"):
         if metric in rows:
             few = metric == "glass_recall" and rows[metric]["n"] < FEWEST
-            assert rows[metric]["verdict"] == ("untestable" if few else "holds"), metric
+            assert rows[metric]["verdict"] == ("" if few else "holds"), metric
     if strength <= 1:
         assert rows["shell_single"]["verdict"] == "holds"
     assert set(rows) >= set(TARGETS) - {"glass_recall"}

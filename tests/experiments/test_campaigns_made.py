@@ -148,7 +148,7 @@ def test_the_papers_campaign_is_extrapolated_from_set_ups_states_and_frames() ->
 
 def test_targets_are_judged(config: Config, store: Store, first_run: object) -> None:
     made = table.make(Campaign(config, store, Progress(quiet=True)), Progress(quiet=True))
-    for seconds, verdict in ((0.03, "holds"), (0.2, "fails")):  # seconds of each frame
+    for seconds, verdict in ((0.03, "holds"), (0.2, "misses")):  # seconds of each frame
         rows = table.rows(config, [replace(one, seconds=((seconds + 1e-4 * k) * one.frames, 0.0), setups=0) for k, one in enumerate(made)])
         verdicts = {row["claim"]: row["verdict"] for row in rows if row["claim"]}
         assert verdicts[table.FRAME.text] == verdict

@@ -6,8 +6,8 @@ import dataclasses
 
 import pytest
 from fake_campaign import config
+from scipy.stats import t
 
-from experiments.claims import Claim
 from experiments.gaps import headline
 from experiments.gaps.headline import HEADLINES, Headline
 from radartwin.config.compose import compose
@@ -15,7 +15,9 @@ from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.runs.experiment import Result, check_rows
 
-COLUMNS = {"claim": "c", "paper": "0.5", "n": 3, "items": 3, "domain": "testbed", "run_keys": "", "reason": "", "draws": 3, "p": None}
+COLUMNS = {"claim": "c", "paper": "0.5", "n": 3, "items": 3, "domain": "testbed", "run_keys": "", "reason": "", "draws": 3, "p": None,
+           "bound": 0.5, "direction": "above", "null": 0.5, "margin": None, "level": 0.95, "family": "", "test": "Student's t",
+           "unit": "draws", "freedom": 9.0, "interval_scale": "", "lowest": None, "highest": None}  # fmt: skip
 
 
 def made(own: Config, worse: float = 0.0) -> Result:
@@ -25,7 +27,7 @@ def made(own: Config, worse: float = 0.0) -> Result:
         if one.table == own.experiment.name:
             holds = own.measured.gap.person < 2.0 if own.measured.provider == "testbed" else True  # type: ignore[attr-defined]
             value = 0.9 if holds else 0.3
-            score = {"value": value, "low": value - 0.1, "high": value + 0.1, "verdict": "holds" if holds else "fails"}
+            score = {"value": value, "low": value - 0.1, "high": value + 0.1, "verdict": "supported" if holds else "contradicted"}
             rows.append({**one.where, "metric": one.metric, **COLUMNS, **score})
     return Result(str(own.experiment.name), rows, keys=[str(own.experiment.name)])
 
@@ -36,11 +38,11 @@ def test_a_verdict_that_changes_depends_on_strength() -> None:
     assert len(result.rows) == len(HEADLINES) - 2  # the table has the probe on other recordings, so that it leaves out the other probe
     check_rows("headline", list(result.rows))
     for row in result.rows:
-        assert row["verdict"] == "holds"
+        assert row["verdict"] == "supported"
         assert row["over all strengths"] == headline.DEPENDS
-        assert row["strength 0.5"].endswith("holds (3 draws)")
-        assert row["strength 1"].endswith("holds (3 draws)")
-        assert row["strength 2"] == "0.3 [0.2, 0.4], fails (3 draws)"
+        assert row["strength 0.5"].endswith("supported (3 draws)")
+        assert row["strength 1"].endswith("supported (3 draws)")
+        assert row["strength 2"] == "0.3 [0.2, 0.4], contradicted (3 draws)"
     assert set(result.keys) == set(headline.SOURCES)
 
 
@@ -92,12 +94,12 @@ def test_a_verdict_that_more_draws_change_does_not_depend_on_strength() -> None:
     def wide(one: Config) -> Result:
         result = made(one)
         return dataclasses.replace(
-            result, rows=[{**row, "verdict": "holds" if one.profile.campaign.draws == 10 else "fails"} for row in result.rows]
+            result, rows=[{**row, "verdict": "supported" if one.profile.campaign.draws == 10 else "undecided"} for row in result.rows]
         )
 
     for row in headline.score(own, wide).rows:
-        assert (row["verdict"], row["over all strengths"]) == ("holds", headline.AGREES)
-        assert "fails" in row["strength 1"]
+        assert (row["verdict"], row["over all strengths"]) == ("supported", headline.AGREES)
+        assert "undecided" in row["strength 1"]
 
 
 def test_one_strength_gives_the_verdict_of_the_table() -> None:
@@ -123,27 +125,44 @@ def test_the_run_of_strength_one_is_that_of_the_table_itself() -> None:
 
 
 @pytest.mark.parametrize(
-    ("claim", "row", "words"),
+    ("row", "words"),
     [
-        (Claim(above=0.1), {"low": 0.05, "high": 0.2}, "not wholly above 0.1"),
-        (Claim(below=-0.1), {"low": -0.3, "high": 0.2}, "not wholly below -0.1"),
-        (headline.AT_CHANCE, {"low": 0.2, "high": 0.4, "chance": 0.1}, "wholly above chance (0.1)"),
-        (None, {"low": 0.05, "high": 0.2, "chance": 0.1}, "not wholly above 0.1"),
-        (None, {"low": 0.2, "high": 0.4, "chance": 0.1, "p": 0.01, "p_holm": 0.2}, "p is 0.2, not below 0.05"),
+        ({"low": 0.05, "high": 0.2, "bound": 0.1}, "The interval from 0.05 to 0.2 is not wholly above 0.1."),
+        ({"low": -0.3, "high": 0.2, "bound": -0.1, "direction": "below"}, "not wholly below -0.1."),
+        ({"low": 0.2, "high": 0.4, "direction": "none", "null": 0.1, "margin": 0.05}, "not wholly within 0.05 of 0.1."),
+        ({"verdict": "not testable here", "reason": "no such room", "low": 0.2, "high": 0.4}, "It cannot be decided here: no such room."),
     ],
 )
-def test_the_reason_names_the_condition_that_is_not_met(claim: Claim | None, row: dict, words: str) -> None:
-    one = Headline("text", "source", "table", "m", {}, claim)
-    assert words in headline.why(one, [{**COLUMNS, "metric": "m", "value": 0.1, "verdict": "fails", **row}])
+def test_the_reason_names_the_condition_that_is_not_met(row: dict, words: str) -> None:
+    one = Headline("text", "source", "table", "m")
+    assert headline.why({**COLUMNS, "metric": "m", "value": 0.1, "verdict": "undecided", **row}, one, []).endswith(words)
+
+
+def test_each_claim_has_the_level_of_its_rank() -> None:
+    """Three claims with p = 0.001, 0.02 and 0.04 have the levels 1 - 0.05/3, 1 - 0.05/2 and 0.95; 0.03 does not suffice first."""
+
+    def row(p: float) -> dict:
+        half = 0.5 / t.isf(p / 2, 9) * t.isf(0.025, 9)  # of the 95 % interval around 0.5, so that p is the p value of the null 0
+        return {**COLUMNS, "bound": 0.0, "null": 0.0, "p": p, "value": 0.5, "low": 0.5 - half, "high": 0.5 + half, "verdict": "supported"}
+
+    rows = [row(0.02), row(0.001), row(0.04), row(0.5) | {"verdict": "not testable here", "reason": "no such room"}]
+    headline.at_levels(rows)
+    assert [one["level"] for one in rows] == pytest.approx([1 - 0.05 / 2, 1 - 0.05 / 3, 0.95, 0.95])
+    assert [one["verdict"] for one in rows] == ["supported"] * 3 + ["not testable here"]
+    assert [one["family"] for one in rows] == ["primary"] * 3 + [""]
+    rows = [row(0.03), row(0.031), row(0.032)]
+    headline.at_levels(rows)
+    assert [one["verdict"] for one in rows] == ["undecided", "undecided", "supported"]
+    assert (rows[0]["low"] > 0) == (0.03 < 0.05 / 3)
 
 
 def test_the_reason_has_the_figure_of_another_row() -> None:
-    one = Headline("text", "source", "table", "gain", {}, Claim(above=0.1), ("Raw features reach {:.2f}.", {"method": "raw"}))
+    one = Headline("text", "source", "table", "gain", {}, ("Raw features reach {:.2f}.", {"method": "raw"}))
     rows = [
-        {**COLUMNS, "metric": "gain", "value": 0.0, "low": -0.1, "high": 0.1, "verdict": "fails"},
-        {**COLUMNS, "metric": "accuracy", "method": "raw", "value": 0.8125, "low": 0.7, "high": 0.9, "verdict": "untestable"},
+        {**COLUMNS, "metric": "gain", "value": 0.0, "low": -0.1, "high": 0.1, "verdict": "undecided"},
+        {**COLUMNS, "metric": "accuracy", "method": "raw", "value": 0.8125, "low": 0.7, "high": 0.9, "verdict": ""},
     ]
-    assert headline.why(one, rows).endswith("Raw features reach 0.81.")
+    assert headline.why(rows[0], one, rows).endswith("Raw features reach 0.81.")
 
 
 def test_the_labelled_probe_is_judged_on_other_recordings_if_the_table_has_them() -> None:
@@ -163,21 +182,16 @@ def test_the_labelled_probe_is_judged_on_other_recordings_if_the_table_has_them(
 def test_the_contrast_is_judged_at_one_metre_and_its_text_says_so() -> None:
     found = [one for one in HEADLINES if one.table == "turntable_material"]
     assert len(found) == 2
-    for one in found:
-        assert one.text.endswith("(1 m)")
-        rows = [
-            {**one.where, **COLUMNS, "metric": one.metric, "distance_m": distance, "value": 0, "low": 0, "high": 0, "verdict": verdict}
-            for distance, verdict in ((0.5, "holds"), (1.0, "untestable"))
-        ]
-        assert headline.why(one, rows).startswith("It cannot be tested")
+    assert all(one.text.endswith("(1 m)") and one.where["distance_m"] == 1.0 for one in found)
 
 
 def test_a_claim_that_fits_two_rows_is_a_defect() -> None:
-    row = {**COLUMNS, "metric": "m", "value": 0.1, "low": 0.0, "high": 0.2, "verdict": "holds"}
-    one = Headline("text", "source", "table", "m")
-    assert headline.why(one, [row, {**row, "claim": ""}]) == ""
-    with pytest.raises(ValueError, match="headline 'text': 2 rows of the table table fit"):
-        headline.why(one, [row, row])
+    def doubled(own: Config) -> Result:
+        result = made(own)
+        return dataclasses.replace(result, rows=[*result.rows, {**result.rows[-1], "claim": ""}, *result.rows[:1]])
+
+    with pytest.raises(ValueError, match=r"2 rows of the table \w+ fit"):
+        headline.score(config("headline"), doubled)
 
 
 def test_a_strength_that_makes_a_gap_too_large_is_named() -> None:

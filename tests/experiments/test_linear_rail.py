@@ -62,10 +62,11 @@ def test_both_trackers_match_the_rail_without_clutter() -> None:
             excursion = {"metric": "excursion (m)", "of": of, "tracker": tracker}
             assert find(result, motion="radial", **excursion)["value"] == pytest.approx(0.6, abs=2e-3)
             assert find(result, motion="diagonal", **excursion)["value"] == pytest.approx(0.4861, abs=2e-3)
-            assert find(result, metric="excursion less the rail's (m)", motion="radial", of=of, tracker=tracker)["verdict"] == "holds"
+            row = find(result, metric="excursion less the rail's (m)", motion="radial", of=of, tracker=tracker)
+            assert row["verdict"] == ("supported" if tracker == "continuous" else "")
         shape = find(result, metric="shape correlation", motion="radial", of="both", tracker=tracker)
         assert shape["value"] > 0.999
-        assert shape["verdict"] == "holds"
+        assert shape["verdict"] == ("supported" if tracker == "continuous" else "")
         assert shape["n"] == 4
     assert result.metrics["excursion_radial_measured"] == pytest.approx(0.6, abs=2e-3)
     assert draw_all(result) == {"linear_rail"}
@@ -74,10 +75,9 @@ def test_both_trackers_match_the_rail_without_clutter() -> None:
 def test_a_constant_room_echo_shortens_the_excursion_of_the_brightest_bin() -> None:
     result = table(clutter=8e-4)
     short = find(result, metric="excursion less the rail's (m)", motion="diagonal", of="measured", tracker="brightest")
-    assert short["value"] < -0.1
-    assert short["verdict"] == "holds"
+    assert short["high"] < -0.1
     twin = find(result, metric="excursion less the rail's (m)", motion="radial", of="simulated", tracker="brightest")
-    assert twin["verdict"] == "holds"
+    assert abs(twin["value"]) < linear_rail.WITHIN_M
 
 
 def test_a_simulation_that_reads_too_far_does_not_shorten_the_measured_diagonal() -> None:
@@ -93,7 +93,7 @@ def test_a_simulation_that_reads_too_far_does_not_shorten_the_measured_diagonal(
     twin = find(result, metric="measured less simulated excursion (m)", **diagonal)
     assert twin["high"] < -linear_rail.SHORTER_M
     assert twin["claim"] == ""
-    assert find(result, metric="excursion less the rail's (m)", of="measured", **diagonal)["verdict"] == "fails"
+    assert find(result, metric="excursion less the rail's (m)", of="measured", **diagonal)["verdict"] == "not testable here"
     assert find(result, metric="excursion less the rail's (m)", of="simulated", **diagonal)["claim"] == ""
 
 

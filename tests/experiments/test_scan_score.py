@@ -132,7 +132,7 @@ def test_empty_truth_is_refused():
 
 
 def test_a_scan_claim_is_judged_by_its_whole_interval() -> None:
-    for low, judged, verdict in ((0.91, True, "holds"), (0.88, True, "fails"), (0.91, False, "untestable")):
+    for low, judged, verdict in ((0.91, True, "holds"), (0.88, True, "misses"), (0.91, False, "")):
         assert _row("lab", 1.0, "recall", "", Estimate(0.95, low, 0.99, 17), 1, "", judged)["verdict"] == verdict
 
 
@@ -145,5 +145,5 @@ def test_a_surface_of_several_scans_counts_once() -> None:
         for _ in range(3)
     ]
     rows = {row["metric"]: row for row in case_rows("lab", 1.0, scans, 100, 0, "")}
-    assert (rows["glass_recall"]["n"], rows["glass_recall"]["verdict"]) == (2, "untestable")
+    assert (rows["glass_recall"]["n"], rows["glass_recall"]["verdict"]) == (2, "")
     assert (rows["recall"]["n"], rows["recall"]["verdict"]) == (3, "holds")

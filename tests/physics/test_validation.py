@@ -37,6 +37,7 @@ FULL_MISSES = {
     "reciprocity-single": (0.133, "curved targets at 0.5 m"),
     "scattered-power-corner": (0.185, "physical optics in a corner does not conserve energy"),
     "panel-panels": (0.027, "largest error of all panels"),
+    "two-panels-tubes": (0.057, "the gap of 1 mm is closed, and the quadrature has no light that misses a panel"),
     "two-panels-panels": (0.05, "the gap of 1 mm between the panels is closed"),
     "room-1.2m-tubes": (0.092, "the corridor of |reflection| 0.4; within 0.08 in the other rooms"),
     "room-2.9m-tubes": (0.032, "the corridor of |reflection| 0.4; within 0.03 in the other rooms"),
@@ -140,7 +141,7 @@ def test_cylinder_series_has_the_right_limits() -> None:
     assert layered_width([0.04, 0.033], [1.0], WAVELENGTH) == pytest.approx(conductor_width(0.033, WAVELENGTH), rel=1e-6)
 
 
-def test_rows_of_a_case_held_missed_and_untestable() -> None:
+def test_rows_of_a_case_held_missed_and_absent() -> None:
     def absent(full: bool) -> Finding:
         raise Untestable("no table")
 
@@ -152,4 +153,4 @@ def test_rows_of_a_case_held_missed_and_untestable() -> None:
         validation.row(Case(name="absent", compare=absent, **shared), False),
     ]
     check_rows("validation", rows)
-    assert [row["verdict"] for row in rows] == ["holds", "fails", "fails", "untestable"]
+    assert [row["verdict"] for row in rows] == ["holds", "misses", "misses", ""]

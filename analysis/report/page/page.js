@@ -35,7 +35,8 @@ function sortable(table) {
   });
 }
 
-const verdictOf = row => ["holds", "fails", "untestable"].find(one => row.classList.contains(one));
+const VERDICTS = ["supported", "direction-shown", "undecided", "contradicted", "not-testable-here", "holds", "misses"];
+const verdictOf = row => VERDICTS.find(one => row.classList.contains(one));
 
 function filterable(table, number) {
   const rows = [...table.tBodies[0].rows];
@@ -44,7 +45,7 @@ function filterable(table, number) {
   const words = make("input", {type: "search", placeholder: "words to find", autocomplete: "off"});
   const verdict = make("select", {}, make("option", {value: ""}, "all verdicts"));
   const kinds = [...new Set(rows.map(verdictOf))].filter(Boolean);
-  for (const kind of kinds) verdict.append(make("option", {value: kind}, kind));
+  for (const kind of kinds) verdict.append(make("option", {value: kind}, kind.replaceAll("-", " ")));
   const apply = () => {
     const searched = words.value.toLowerCase().split(/\s+/).filter(Boolean);
     let left = 0;

@@ -14,7 +14,7 @@ SPEED_OF_LIGHT = 299_792_458.0
 FREQUENCY_HZ = 77e9
 WAVELENGTH_M = SPEED_OF_LIGHT / FREQUENCY_HZ
 WAVENUMBER = 2 * np.pi / WAVELENGTH_M
-# Folder of reference tables beside the checkout. A case whose table is absent is untestable.
+# Folder of reference tables beside the checkout. A case whose table is absent has no verdict.
 REFERENCE = Path(__file__).resolve().parents[4] / "shared" / "reference"
 OBJECTS = REFERENCE.parent / "data" / "objects"
 

@@ -124,7 +124,7 @@ def _panels(method: str, full: bool) -> Finding:
     return Finding(0.0, float(errors.max()), float(errors.max()), len(errors))
 
 
-def _two_panels(full: bool) -> Finding:
+def _two_panels(method: str, full: bool) -> Finding:
     """Compare the double bounces of two 0.5 m panels at a right angle, which are 1 mm apart at the fold.
 
     The errors of the double bounces are relative to the amplitude of the double image of infinite panels.
@@ -133,11 +133,12 @@ def _two_panels(full: bool) -> Finding:
     wavelength = SPEED_OF_LIGHT / frequency
     first = np.array([[0.001, 0, -0.25], [0.5, 0, -0.25], [0.5, 0, 0.25], [0.001, 0, 0.25]])
     second = first[:, [1, 0, 2]]
-    scene = rt.Scene([rt.Surface(traced.polygon(one), "metal", name, role="room") for one, name in ((first, "a"), (second, "b"))])
+    role = "object" if method == "tubes" else "room"
+    scene = rt.Scene([rt.Surface(traced.polygon(one), "metal", name, role=role) for one, name in ((first, "a"), (second, "b"))])
     errors = []
     for sensor in ([1.0, 0.8, 0.02], [0.4, 1.5, 0.1], [1.2, 1.2, -0.2]) if full else ([1.0, 0.8, 0.02],):
         place = np.array(sensor)
-        parts = traced.trace(scene, traced.MONOSTATIC, traced.pose(place), traced.settings("panels", max_bounces=2))
+        parts = traced.trace(scene, traced.MONOSTATIC, traced.pose(place), traced.settings(method, max_bounces=2, rays_per_wavelength2=4.0))
         ours = traced.field([part.where(part.bounces == 2) for part in parts], frequency)
         exact = sum(chain_quadrature(order, place, wavelength) for order in ((first, second), (second, first)))
         errors.append(abs(ours - exact) / (wavelength / (8 * np.pi * np.hypot(*place[:2]))))
@@ -162,8 +163,8 @@ CASES = [
                  "received over transmitted power (dB)", 0.25, "dB", partial(_friis, method)),
             Case(f"panel-{method}", "near field", f"0.1 to 1 m panels at 0.5 to 4 m to a width beyond the edge, {words}, worst", QUADRATURE,
                  "complex error over the image", 0.01, "", partial(_panels, method), "full" if method == "tubes" else "quick"),
+            Case(f"two-panels-{method}", "near field", f"two 0.5 m panels at a right angle, double bounce, {words}", QUADRATURE,
+                 "complex error over the image", 0.03, "", partial(_two_panels, method)),
         )
     ),
-    Case("two-panels-panels", "near field", f"two 0.5 m panels at a right angle, double bounce, {traced.METHODS['panels']}", QUADRATURE,
-         "complex error over the image", 0.03, "", _two_panels),
 ]  # fmt: skip

@@ -1,0 +1,71 @@
+"""Judge the rows of written tables anew, each from its own columns: `python -m analysis.judge [FOLDER]`.
+
+The command prints the number of rows with each verdict, and a line for each row whose verdict does not follow from its columns; its exit
+status is 1 if there is such a row. Rows of engineering tables without the columns of a claim are counted apart: their limit is a column of
+their own (`validation`, `reality`, `scan`) or compares them with other rows.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from analysis.pages.filled import RESULTS
+from experiments.claims import SUPPORTED, judge, limit_kept
+from radartwin.runs.experiment import LIMITS, VERDICTS
+
+NUMBERS = ("value", "low", "high", "bound", "null", "margin")
+
+
+def judged(row: Mapping[str, str]) -> str | None:
+    """Return the verdict that follows from the cells of a row; None if the row has a limit without the columns of a claim."""
+    if not row.get("direction"):
+        return _by_limit(row)
+    number = {name: float(row[name]) if row[name] else None for name in NUMBERS}
+    word = judge(**number, direction=row["direction"], reason=row.get("reason", ""))
+    return limit_kept(word == SUPPORTED) if row["verdict"] in LIMITS else word
+
+
+def _by_limit(row: Mapping[str, str]) -> str | None:
+    """Return the verdict on the limit of a row, such as "1.5", ">= 0.9" or "low <= 1", which the named end of the interval must keep."""
+    if row["verdict"] not in LIMITS:
+        return ""
+    sign, _, limit = (row.get("limit") or "").rpartition(" ")
+    if not limit:
+        return None
+    if sign == ">=":
+        return limit_kept(float(row["low"]) >= float(limit))
+    return limit_kept(float(row["low" if sign.startswith("low") else "high"] or row["value"]) <= float(limit))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Judge the tables of a folder. Returns the exit status."""
+    parser = argparse.ArgumentParser(description="Judge the rows of written tables anew, each from its own columns.")
+    parser.add_argument("folder", nargs="?", type=Path, default=RESULTS)
+    counts, status = Counter[str](), 0
+    files = sorted((folder := parser.parse_args(arguments).folder).glob("*.csv"))
+    if not files:
+        print(f"{folder} holds no table; name a folder with CSV files", file=sys.stderr)
+        return 2
+    for file in files:
+        with file.open(encoding="utf-8", newline="") as stream:
+            for line, row in enumerate(csv.DictReader(stream), 2):
+                word = judged(row)
+                counts["limits of other columns" if word is None else word] += 1
+                if word not in (None, row["verdict"]):
+                    print(f"{file}:{line}: the verdict is {row['verdict']!r}, but its columns say {word!r}")
+                    status = 1
+    print(
+        ", ".join(f"{counts[word]} {word}" for word in (*VERDICTS, *LIMITS, "limits of other columns")),
+        f"{counts['']} without a claim",
+        sep=", ",
+    )
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())

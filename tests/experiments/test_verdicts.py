@@ -1,0 +1,156 @@
+"""Tests of the verdicts and of their tests: the order of the five words, the level of each test, and its agreement with the interval."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fake_campaign import config
+
+from experiments import statistics
+from experiments.claims import ABOVE, BELOW, EQUAL, NONE, Claim, judge, row, within
+from experiments.recognition.protocol import permuted_accuracy
+from experiments.statistics import SIGNED, Estimate
+from radartwin.recognize.samples import MEASURED, Part, gather
+from radartwin.runs.experiment import check_rows
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "word"),
+    [(0.3, 0.5, "supported"), (0.1, 0.5, "direction shown"), (0.05, 0.15, "direction shown"), (-0.1, 0.5, "undecided"),
+     (-0.1, 0.1, "contradicted"), (-0.5, -0.3, "contradicted"), (None, 0.5, "undecided"), (0.3, None, "supported")],
+)  # fmt: skip
+def test_an_effect_is_judged_in_the_stated_order(low: float | None, high: float | None, word: str) -> None:
+    """The bound is 0.2 and the null 0. The mirrored interval and claim have the same verdict."""
+    assert judge(0.1, low, high, 0.2, ABOVE, 0.0, None) == word
+    low, high = (None if end is None else -end for end in (high, low))
+    assert judge(-0.1, low, high, -0.2, BELOW, 0.0, None) == word
+    assert judge(-0.1, low, high, -0.2, BELOW, 0.0, None, "no such room") == "not testable here"
+    assert judge(-0.1, low, high, -0.2, None, 0.0, None, "made again in 1.1") == ""
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "word"),
+    [(0.4, 0.6, "supported"), (0.55, 0.6, "supported"), (0.3, 0.6, "undecided"), (0.55, 0.7, "undecided"), (0.61, 0.7, "contradicted"),
+     (0.1, 0.39, "contradicted"), (None, None, "undecided")],
+)  # fmt: skip
+def test_no_effect_has_a_margin(low: float | None, high: float | None, word: str) -> None:
+    assert judge(0.5, low, high, 0.5, EQUAL, 0.5, 0.1) == word
+
+
+def test_rows_carry_what_their_verdict_follows_from() -> None:
+    own = config("turntable_shape")
+    above = Claim("c", bound=0.2, null=0.0)
+    found = row(own, {}, "m", Estimate(0.3, 0.1, 0.5, 9), (), above)
+    assert found["verdict"] == "direction shown"
+    assert [found[name] for name in ("bound", "direction", "null", "margin", "level", "family", "test", "unit")] == [
+        0.2, "above", 0.0, None, 0.95, "", statistics.STUDENT, "recordings",
+    ]  # fmt: skip
+    nowhere = row(own, {}, "m", Estimate(np.nan, 0.2, np.inf, 5), ["a", "b"], above)
+    assert (nowhere["value"], nowhere["high"], nowhere["verdict"], nowhere["n"]) == (None, None, "undecided", 2)
+    unbounded = row(own, {}, "m", Estimate(3.0, 0.2, np.inf, 5), (), Claim("c", bound=0.0))
+    assert (unbounded["high"], unbounded["verdict"]) == (None, "supported")
+    single = row(own, {}, "m", Estimate(3.0, 3.0, 3.0, 1), (), above)
+    assert (single["low"], single["high"], single["p"], single["verdict"]) == (None, None, None, "undecided")
+    assert row(own, {}, "m", Estimate(3.0, 3.0, 3.0, 1), (), Claim("c", bound=0.2, least=1))["verdict"] == "supported"
+    equal = statistics.resampled(0.2, np.full(9, 0.2), 3)
+    assert row(own, {}, "m", equal, (), above)["verdict"] == "undecided", "a bootstrap whose samples are all equal"
+    plain = row(own, {}, "m", Estimate(0.3, 0.1, 0.5, 9), (), NONE)
+    assert (plain["verdict"], plain["bound"], plain["low"]) == ("", None, 0.1)
+    limits = [row(own, {}, "m", Estimate(at, at, at, 2), (), Claim("c", bound=1.0, direction=BELOW, limit=True)) for at in (0.9, 1.1)]
+    assert [one["verdict"] for one in limits] == ["holds", "misses"]
+    check_rows("t", [found, nowhere, unbounded, single, plain, *limits])
+    assert within("c", -1.0, 3.0) == Claim("c", direction=EQUAL, null=1.0, margin=2.0)
+
+
+@pytest.fixture(autouse=True)
+def _few_permutations(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(statistics, "PERMUTATIONS", 399)
+
+
+KINDS = ("order", "gain", "closed", "contrast", "accuracy")
+CLASSES = np.array(["a", "b"] * 6)
+FRAME = gather(("a",), [Part(f"r{n:02}", kind, MEASURED, np.zeros(1)) for n, kind in enumerate(CLASSES)])
+FRAME = replace(FRAME, object=FRAME.recording)
+
+
+def joined(kind: str, rng: np.random.Generator, draws: int, effect: float = 0.0, spread: float = 1.0) -> Estimate:
+    """Return an estimate over synthetic draws of twelve objects; `spread` is the standard deviation of the objects' own errors, those of a
+    draw have 1.
+    """
+    base, mind = rng.standard_normal(12), spread * rng.standard_normal(12)
+    found = []
+    for noise in rng.standard_normal((draws, 12)):
+        if kind == "order":
+            found.append(statistics.spearman(base, effect * base + mind + noise, 0))
+        elif kind == "gain":
+            found.append(statistics.sign_flipped(effect + mind + noise, 0))
+        elif kind == "closed":
+            at = effect + float(noise[0])
+            found.append(Estimate(at, at, at, 12, limits=(-9.0, 9.0), closed=True))
+        elif kind == "contrast":
+            found.append(statistics.mean(effect + mind + noise, 200, 0))
+        else:
+            leaning = mind + effect * np.where(CLASSES == "a", -1.0, 1.0) + rng.standard_normal((6, 12))
+            found.append(permuted_accuracy(list(np.where(leaning > 0, "b", "a")), FRAME, 0))
+    return statistics.over_draws(found, 200, 0)
+
+
+def null_of(found: Estimate) -> float:
+    return 0.0 if found.shuffled is None else float(found.shuffled.mean())
+
+
+@pytest.mark.parametrize(("kind", "draws"), [(kind, draws) for kind in KINDS for draws in (1, 3) if (kind, draws) != ("closed", 1)])
+def test_without_an_effect_one_test_in_twenty_finds_one(kind: str, draws: int) -> None:
+    rng = np.random.default_rng(1)
+    found = [joined(kind, rng, draws) for _ in range(1000)]
+    share = np.mean([one.p(null_of(one)) < 0.05 for one in found])
+    print(f"{kind}, {draws} draws: {share:.1%}")
+    assert 0.03 <= share <= 0.07
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_more_draws_with_the_same_effect_lower_p(kind: str) -> None:
+    """The median p over forty sets of objects falls with the number of draws."""
+    effect = 0.8 if kind == "closed" else 0.4
+    median = []
+    for draws in (2, 4, 10):
+        found = [joined(kind, np.random.default_rng(k), draws, effect, 0.3) for k in range(40)]
+        median.append(np.median([one.p(null_of(one)) for one in found]))
+    print(kind, median)
+    assert all(later < earlier for earlier, later in itertools.pairwise(median))
+    assert median[-1] < 0.05
+
+
+def test_equal_draws_have_the_p_of_one() -> None:
+    rng = np.random.default_rng(3)
+    first, second = rng.standard_normal((2, 12))
+    one = statistics.spearman(first, second + first, 0)
+    ten = statistics.over_draws([one] * 10, 200, 0)
+    assert ten.p(0.0) == pytest.approx(one.p(0.0))
+    assert (ten.low, ten.high) == pytest.approx((one.low, one.high))
+
+
+@pytest.mark.parametrize("level", [0.9, 0.95, 0.99, 0.997])
+def test_the_interval_excludes_a_value_exactly_if_its_p_is_below_the_level(level: float) -> None:
+    rng = np.random.default_rng(4)
+    tried = 0
+    for effect in np.linspace(0, 1.5, 12):
+        for kind in KINDS:
+            found = joined(kind, rng, 3, effect)
+            for null in (null_of(found), found.low - 1e-6, found.low + 1e-6, found.value - 0.1):
+                low, high = statistics.at_level(found.value, found.low, found.high, level, found.degrees, found.scale)
+                if min(abs(null - low), abs(null - high)) > 1e-9 and null > found.limits[0]:
+                    assert (found.p(null) < 1 - level) == (not low <= null <= high), (found, null)
+                    tried += 1
+    assert tried > 200
+
+
+def test_a_ratio_is_judged_by_its_logarithm() -> None:
+    """The interval of a ratio and that of its inverse have the same p value, and both ends stay positive at every level."""
+    one, other = (statistics.p_value(*ends, 1.0, 9, statistics.LOG) for ends in ((3.0, 2.0, 4.5), (1 / 3, 1 / 4.5, 1 / 2)))
+    assert one == pytest.approx(other)
+    assert statistics.at_level(3.0, 0.5, 18.0, 0.9999, 9, statistics.LOG)[0] > 0
+    assert statistics.mean([0.99, 0.9, 0.95], 500, 0, SIGNED, on=statistics.FISHER).high < 1
