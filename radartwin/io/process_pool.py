@@ -44,26 +44,19 @@ class ProcessPool:
     def __init__(
         self, size: int, prepare: Callable[[], object] | None = None, import_main: bool = True, beside: int = 1, nested: bool = False
     ) -> None:
-        self.size, self.pids = size, set[int]()  # pids: ids of the worker processes that have finished a call
-        self._import_main = import_main
+        self.size, self._import_main = size, import_main
         context = multiprocessing.get_context("spawn")
         self._executor = ProcessPoolExecutor(size, context, _start, (context.Value("i", 0), beside * sharers(), nested, prepare))
+
+    @property
+    def pids(self) -> set[int]:
+        """Return the ids of the worker processes."""
+        return set(self._executor._processes or ())
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Call a module-level function in a worker. The arguments, the return value and exceptions are pickled."""
         with contextlib.nullcontext() if self._import_main else _without_main():
-            future = self._executor.submit(_call, function, arguments)
-        result: Future[Any] = Future()
-        future.add_done_callback(lambda done: self._pass_on(done, result))
-        return result
-
-    def _pass_on(self, done: Future[Any], result: Future[Any]) -> None:
-        if error := done.exception():
-            result.set_exception(error)
-        else:
-            pid, value = done.result()
-            self.pids.add(pid)
-            result.set_result(value)
+            return self._executor.submit(_call, function, arguments)
 
     def end(self) -> None:
         """End all worker processes, even if a call is still running.
@@ -122,11 +115,11 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
-def _call(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[int, Any]:
+def _call(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
     try:
         with _busy.get_lock():
             _busy.value += 1
-        return os.getpid(), function(*arguments)
+        return function(*arguments)
     except SystemExit:  # raised on SIGTERM; the executor would treat it as an error of the call and continue
         os._exit(1)
     finally:
