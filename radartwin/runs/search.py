@@ -21,7 +21,7 @@ from radartwin.io import files
 from radartwin.io.one_line import plural
 from radartwin.runs.job import FAILED, Outcome
 from radartwin.runs.run import extend_path, naming
-from radartwin.runs.sweep import Sweep, composed, split
+from radartwin.runs.sweep import Sweep, composed, folders, split
 from radartwin.store.digest import spec_digest
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def search(overrides: Sequence[str], config_dirs: Sequence[Path], goal: SearchGo
     (first,) = composed([[*fixed, *middle]], composer)
     study, place = _study(first, fixed, searched, goal)
     title = f"search {goal.direction} {goal.metric} over {' '.join(override for override in ours if naming([override]))}"
-    with Sweep(first, [*fixed, *middle], ["--search", goal.metric, *overrides], composer, title) as running:
+    with Sweep(first, [*fixed, *middle], ["--search", goal.metric, *overrides, *folders(config_dirs)], composer, title) as running:
         while (done := len(_finished(study))) < goal.trials:
             trials = [study.ask(searched) for _ in range(min(goal.at_once, goal.trials - done))]
             jobs = {trial.number: _job(composer, fixed, trial) for trial in trials}

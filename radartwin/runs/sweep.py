@@ -18,6 +18,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from radartwin.config.compose import Composer, combinations
 from radartwin.config.config import Config
@@ -44,7 +45,7 @@ def sweep(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
     jobs, composer = combinations(ours), Composer(config_dirs)
     configs = composed(jobs, composer)
     title = " ".join(override for override in ours if naming([override]))
-    with Sweep(configs[0], jobs[0], ["-m", *overrides], composer, title) as running:
+    with Sweep(configs[0], jobs[0], ["-m", *overrides, *folders(config_dirs)], composer, title) as running:
         running.run({number: (job, config) for number, (job, config) in enumerate(zip(jobs, configs, strict=True))})
     return running.close()
 
@@ -154,13 +155,19 @@ class Sweep:
         return "sweep: " + ", ".join(f"{n} {status}" for status, n in counts.items()) + f"; {self.folder / TABLE}"
 
     def _table(self) -> str:
-        """Format the jobs as CSV, with a column per option and per metric, and the folder of the result."""
-        rows = [
-            {"job": number, "experiment": self._experiment, **naming(self._jobs[number]), "status": outcome.status}
+        """Format the jobs as CSV, with a column per option and per metric, and the folder of the result. The trials of earlier commands of a
+        search keep their rows.
+        """
+        table = self.folder / TABLE
+        earlier = csv.DictReader(table.read_text(encoding="utf-8").splitlines()) if table.exists() else ()
+        known: dict[int, dict[str, Any]] = {int(row["job"]): row for row in earlier if row.get("job", "").isdecimal()}
+        known |= {
+            number: {"job": number, "experiment": self._experiment, **naming(self._jobs[number]), "status": outcome.status}
             | {"run_key": outcome.run_key, **outcome.metrics, "result": self._results / outcome.run_key if outcome.run_key else ""}
             | {"line": outcome.line, "log": outcome.log, "seconds": outcome.seconds}
-            for number, outcome in sorted(self.outcomes.items())
-        ]
+            for number, outcome in self.outcomes.items()
+        }
+        rows = [known[number] for number in sorted(known)]
         last = ("result", "line", "log", "seconds")
         columns = [column for column in dict.fromkeys(column for row in rows for column in row) if column not in last]
         text = io.StringIO()
@@ -168,6 +175,10 @@ class Sweep:
         writer.writeheader()
         writer.writerows(rows)
         return text.getvalue()
+
+
+def folders(config_dirs: Sequence[Path]) -> list[str]:
+    return [f"--config-dir={folder}" for folder in config_dirs]
 
 
 def split(overrides: Sequence[str]) -> tuple[list[str], list[str]]:
