@@ -155,8 +155,8 @@ class Sweep:
         return "sweep: " + ", ".join(f"{n} {status}" for status, n in counts.items()) + f"; {self.folder / TABLE}"
 
     def _table(self) -> str:
-        """Format the jobs as CSV, with a column per option and per metric, and the folder of the result. The trials of earlier commands of a
-        search keep their rows.
+        """Format the jobs as CSV, with a column per option and per metric, and the folder of the result. Trials of a search that an earlier
+        command ran keep their rows.
         """
         table = self.folder / TABLE
         earlier = csv.DictReader(table.read_text(encoding="utf-8").splitlines()) if table.exists() else ()
