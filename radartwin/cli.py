@@ -2,7 +2,8 @@
 the commands.
 
 The exit status is 0 if the command finished and 1 if a run failed. The exit status is 2 if the user's input is wrong; the command then
-prints one line on standard error and no traceback.
+prints one line on standard error and no traceback. The status of a command that a signal ends is 128 plus the signal's number, as shells
+expect: 130 after Ctrl-C.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import warnings
 from collections.abc import Sequence
 
 from radartwin.commands.arguments import parse
-from radartwin.errors import UserError
+from radartwin.errors import CrashError, UserError
 from radartwin.io.one_line import one_line, show_warning
 from radartwin.io.serving import interrupted_by_signals
 
@@ -28,13 +29,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
             warnings.showwarning = show_warning
             return options.verb(options)
     except UserError as error:
-        return _fail(one_line(error), 2)
+        return _fail(one_line(error), 1 if isinstance(error, CrashError) else 2)
     except MemoryError as error:
         detail = f" ({one_line(error)})" if str(error) else ""
         return _fail(f"out of memory{detail}; finished results are stored; ask for less, such as fewer frames or jobs=1", 1)
-    except KeyboardInterrupt:
-        signal.signal(signal.SIGINT, lambda *_: os._exit(1))  # a second Ctrl-C ends the process without clean-up
-        return _fail(f"interrupted; the same command {'resumes where it stopped' if options.resumes else 'starts over'}", 1)
+    except KeyboardInterrupt as interrupt:
+        status = 128 + (interrupt.args[0] if interrupt.args else signal.SIGINT)
+        signal.signal(signal.SIGINT, lambda *_: os._exit(status))  # a second Ctrl-C ends the process without clean-up
+        return _fail(f"interrupted; the same command {'resumes where it stopped' if options.resumes else 'starts over'}", status)
     except BrokenPipeError:  # the reader of the output, such as `head`, has closed it
         with contextlib.suppress(OSError):
             _fail("the program that reads the output has closed the pipe, so the command stopped", 1)

@@ -129,6 +129,11 @@ def share_cores(busy: Callable[[], int]) -> None:
     _sharing = busy
 
 
+def sharers() -> int:
+    """Return the number of processes that share the processor cores now."""
+    return max(1, _sharing())
+
+
 def cores() -> int:
     """Return the number of processor cores that this process should use now.
 
@@ -136,7 +141,7 @@ def cores() -> int:
     took 18 to 35 % longer with two threads per process than with one.
     """
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, allowed // max(1, _sharing()))
+    return max(1, allowed // sharers())
 
 
 def shared_out(function: Callable[..., Any], count: int, *arguments: Any, pieces: int = 4, grain: int = 1) -> None:

@@ -60,3 +60,7 @@ class OutputError(UserError, OSError):
 
 class BackendError(UserError, OSError):
     """Raised if a compiler, library or device that the simulation needs cannot be used."""
+
+
+class CrashError(BackendError):
+    """Raised if a worker process dies or runs out of memory. The run has failed, but the user's input is not wrong."""

@@ -44,7 +44,7 @@ def run(config, store, progress):
     return Result("mine", [row], {}, {"correlation": row["value"], "peak": peak}, [product.key])
 """
 YAML = "# @package _global_\nexperiment:\n  name: mine\n  module: my_experiment\n"
-SAME = ("job", "run_key", "correlation", "peak")  # columns of the table of jobs that no launcher and no kill may change
+SAME = ("job", "seed", "run_key", "correlation", "peak")  # columns of the table of jobs that no launcher and no kill may change
 
 
 def write(folder: Path) -> tuple[list[str], dict[str, str]]:

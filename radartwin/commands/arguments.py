@@ -71,6 +71,7 @@ def _add_study(group: Verbs) -> None:
     _overrides(run, "experiment=NAME [group=option ...] [key=value ...]")
     run.epilog = examples.epilog("run", textwrap.fill(f"Experiments: {', '.join(_experiments())}.", 78))
     run.add_argument("-m", "--multirun", action="store_true", help="sweep: materials=vlm,uniform,void runs three jobs")
+    run.add_argument("--cfg", choices=("job",), help="print the composed configuration, and run nothing")
     run.add_argument("--search", metavar="METRIC", help="search for the best METRIC over 'trajectory.height_m=interval(0.5,1.5)'")
     run.add_argument("--trials", metavar="N", type=int, help="number of trials of a search (default: 20)")
     run.add_argument("--direction", choices=("maximize", "minimize"), help="direction of a search (default: maximize)")

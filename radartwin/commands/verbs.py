@@ -24,6 +24,12 @@ def demo(options: argparse.Namespace) -> int:
 
 def run(options: argparse.Namespace) -> int:
     given = {name: value for name in ("trials", "direction", "at_once") if (value := getattr(options, name)) is not None}
+    if options.cfg:
+        from radartwin.runs.run import print_config
+
+        if options.multirun or options.search:
+            raise ConfigError(f"run: --cfg prints one configuration; leave {'-m' if options.multirun else '--search'} out")
+        return print_config(_all_overrides(options), options.config_dir)
     if options.search:
         from radartwin.runs.search import SearchGoal, search
 

@@ -12,12 +12,12 @@ import dataclasses
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from radartwin import plugins
 from radartwin.config import messages
 from radartwin.config.config import SCHEMAS, Config
-from radartwin.config.trusted import check_secrets, check_targets
+from radartwin.config.trusted import JoblibLauncher, check_hydra, check_secrets
 from radartwin.errors import ConfigError, MissingError
 
 if TYPE_CHECKING:
@@ -72,6 +72,7 @@ class Composer:
     def compose(self, overrides: Sequence[str]) -> Config:
         """Compose one configuration from overrides, as the function `compose` of this module does."""
         from hydra._internal.config_loader_impl import ConfigLoaderImpl
+        from omegaconf import open_dict
 
         overrides = quoted(overrides)
         with _one_line_errors(overrides):
@@ -79,6 +80,8 @@ class Composer:
             options = tuple(override for override in overrides if override not in values)
             if options not in self._cache:
                 self._cache[options] = self._read(options)
+                with open_dict(self._cache[options]) as cached:
+                    del cached["hydra"]
             composed = copy.deepcopy(self._cache[options])
             parsed = _parse(values)
             for override in parsed:
@@ -87,18 +90,25 @@ class Composer:
             ConfigLoaderImpl._apply_overrides_to_config(parsed, composed)
             return typed(composed)
 
+    def launching(self, overrides: Sequence[str]) -> tuple[str, dict[str, Any], str]:
+        """Return the option of hydra/launcher, its keys, and hydra.sweep.dir, which is empty unless the user sets it."""
+        from omegaconf import OmegaConf
+
+        with _one_line_errors(overrides):
+            settings = self._read(quoted(overrides)).hydra
+            keys = cast(dict[str, Any], OmegaConf.to_container(settings.launcher, resolve=True))
+            return settings.runtime.choices["hydra/launcher"], keys, str(settings.sweep.dir)
+
     def _read(self, options: Sequence[str]) -> DictConfig:
         import hydra
         from hydra.core.global_hydra import GlobalHydra
-        from omegaconf import open_dict
 
         _register_schemas()
         GlobalHydra.instance().clear()
         with hydra.initialize_config_dir(str(conf_dir()), version_base="1.3"):
             composed = _with_plugins(lambda: hydra.compose(CONFIG_NAME, overrides=[*options, *self._search_path], return_hydra_config=True))
-        check_targets(composed)
-        with open_dict(composed):
-            del composed["hydra"]
+            if self._search_path or any("hydra" in override for override in options):
+                check_hydra(composed, hydra.compose(CONFIG_NAME, return_hydra_config=True))
         return composed
 
 
@@ -141,36 +151,6 @@ def combinations(overrides: Sequence[str]) -> list[list[str]]:
     with _one_line_errors(overrides):
         batches = BasicSweeper.split_arguments(_parse(quoted(overrides)), max_batch_size=None)
         return [list(job) for batch in batches for job in batch]
-
-
-def launcher(overrides: Sequence[str], config_dirs: Sequence[Path], job: Callable[[DictConfig], None]) -> Any:
-    """Return the Hydra launcher that overrides of Hydra's settings select. The launcher calls the function `job` once for each job of a
-    sweep.
-
-    Raises:
-        ConfigError: the launcher or one of its settings is unknown, or would call code outside radartwin and Hydra's launchers.
-    """
-    from hydra._internal.callbacks import Callbacks
-    from hydra._internal.hydra import Hydra
-    from hydra._internal.utils import create_config_search_path
-    from hydra.core.global_hydra import GlobalHydra
-    from hydra.core.plugins import Plugins
-    from hydra.types import HydraContext, RunMode
-    from hydra.utils import instantiate
-
-    _register_schemas()
-    with _one_line_errors(overrides):
-        GlobalHydra.instance().clear()
-        main = Hydra.create_main_hydra2("radartwin", create_config_search_path(str(conf_dir())))
-        settings = [*overrides, *_search_path(config_dirs)]
-        config = main.compose_config(CONFIG_NAME, settings, RunMode.MULTIRUN, with_log_configuration=False)
-        check_targets(config)
-        context = HydraContext(config_loader=main.config_loader, callbacks=Callbacks())
-        if not str(config.hydra.launcher._target_).startswith("radartwin."):
-            return Plugins.instance().instantiate_launcher(hydra_context=context, task_function=job, config=config)
-        plugin = instantiate(config.hydra.launcher, _recursive_=False)  # Hydra itself only accepts launchers of the package hydra_plugins
-        plugin.setup(hydra_context=context, task_function=job, config=config)
-        return plugin
 
 
 def typed(composed: DictConfig) -> Config:
@@ -240,9 +220,12 @@ def _search_path(config_dirs: Sequence[Path]) -> list[str]:
 
 def _register_schemas() -> None:
     from hydra.core.config_store import ConfigStore
+    from hydra.core.plugins import Plugins
 
     store = ConfigStore.instance()
     store.store(name="schema", node=Config)
+    Plugins.instance()  # a first call registers the options of installed packages, of which `joblib` is replaced here
+    store.store(group="hydra/launcher", name="joblib", node=JoblibLauncher)
     for group, schemas in SCHEMAS.items():
         for option, schema in schemas.items():
             store.store(group=group, name=f"schema_{option}", node=schema)

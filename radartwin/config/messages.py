@@ -16,8 +16,6 @@ from radartwin import plugins
 from radartwin.config.config import SCHEMAS, Config
 from radartwin.config.plugged import GROUPS
 
-LAUNCHER_EXTRAS = {"joblib": "joblib", "submitit_slurm": "slurm", "submitit_local": "slurm"}  # pip extra that installs each launcher
-
 
 def explain(error: BaseException) -> str:
     """Return one line that explains an exception of Hydra or OmegaConf."""
@@ -50,8 +48,8 @@ def unknown_option(config_file: str, options: Sequence[str]) -> str:
     """Return the error message for a missing option file GROUP/OPTION; the message lists the existing options of the group."""
     options = [known for known in options if not known.startswith("schema_")]
     group, _, option = config_file.removesuffix(".yaml").rpartition("/")
-    if group == "hydra/launcher" and (extra := LAUNCHER_EXTRAS.get(option)):
-        return f"hydra/launcher={extra} needs more packages; run pip install 'radartwin[{extra}]'"
+    if (group, option) == ("hydra/launcher", "submitit_slurm"):
+        return "hydra/launcher=slurm needs more packages; run pip install 'radartwin[slurm]'"
     if not group:
         return f"there is no configuration '{option}'"
     options = sorted({*options, *(plugins.names(GROUPS[group]) if group in GROUPS else ())})

@@ -1,50 +1,49 @@
-"""Check a composed configuration from an untrusted source: which code it would call, and whether it contains a secret.
+"""Check a composed configuration from an untrusted source: whether its settings of Hydra are used, and whether it contains a secret.
 
-Hydra calls the function that a `_target_` key names, the logging module calls functions named under the keys "()" and "class", and the key
-`env_set` changes the environment of started processes. An entry `${oc.env:NAME}` would copy a secret of the environment into the logs and
-results that store the configuration.
+RadarTwin reads only the launcher, its keys and the folder of a sweep from Hydra's own settings, and never calls what a `_target_` key or a
+logging configuration names. An entry `${oc.env:NAME}` would copy a secret of the environment into the logs and results that store the
+configuration.
 """
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
-import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 from radartwin.errors import ConfigError
 from radartwin.io import secret
 
-TRUSTED = ("radartwin.", "hydra._internal.core_plugins.", "hydra_plugins.hydra_joblib_launcher.", "hydra_plugins.hydra_submitit_launcher.")
-_CALLED = ("()", "class")  # keys in a logging configuration (logging.config.dictConfig) whose values name functions to call
-_LOGGING = re.compile(r"logging\.(handlers\.)?[A-Z]\w+|colorlog\.ColoredFormatter|ext://sys\.std(out|err)")
+LAUNCHERS = ("basic", "joblib", "slurm")  # options of hydra/launcher
+_READ = ("launcher", "sweep.dir", "searchpath")
+_MADE = ("overrides", "runtime", "job.name", "job.override_dirname", "job.config_name")  # written by Hydra itself
 
 
-def check_targets(config: Any) -> None:
-    """Raise ConfigError for a configuration that would call code outside radartwin and Hydra's launchers.
+@dataclass
+class JoblibLauncher:
+    """The keys of hydra/launcher=joblib. `n_jobs` is the number of worker processes; -1 means one per processor core."""
+
+    n_jobs: int = -1
+
+
+def check_hydra(config: Any, default: Any) -> None:
+    """Raise ConfigError for a setting of Hydra that has no effect here, or that would make Hydra call code.
 
     Args:
         config: the composed configuration, including Hydra's own settings under the key `hydra`.
-    Raises:
-        ConfigError: the message names the configuration key and the code that it would call.
+        default: the configuration of no overrides.
     """
-    from omegaconf import OmegaConf
-
-    content = OmegaConf.to_container(config, resolve=False, throw_on_missing=False)
-    for path, value in _leaves(content):
-        key, text = ".".join(path), str(value)
-        if path[-1] == "_target_" and not _is_trusted(text):
-            raise ConfigError(
-                f"{key}={value} is refused; remove it, because a configuration may name only launchers of Hydra and code of radartwin"
-            )
-        is_logging = path[0] == "hydra" and path[1:2] in (("job_logging",), ("hydra_logging",))
-        if is_logging and (path[-1] in _CALLED or text.startswith("ext://")) and not _LOGGING.fullmatch(text):
-            raise ConfigError(
-                f"{key}={value} is refused; remove it, because a logging configuration may name only classes of the module logging"
-            )
-        if path[:3] == ("hydra", "job", "env_set"):
-            raise ConfigError(f"{key} is refused; set environment variables in the shell that starts the command")
+    choice = config.hydra.runtime.choices["hydra/launcher"]
+    if choice not in LAUNCHERS:
+        raise ConfigError(f"hydra/launcher={choice} is refused; options: {', '.join(LAUNCHERS)}")
+    known = dict(_leaves(_content(default.hydra)))
+    for path, value in _leaves(_content(config.hydra)):
+        key = ".".join(path)
+        read = any(f"{key}.".startswith(f"{name}.") for name in (*_READ, *_MADE)) and path[-1] != "_target_"
+        launcher = key == "launcher._target_" and str(value).startswith("hydra_plugins.hydra_submitit_launcher.")
+        if not (read or launcher) and known.get(path, ()) != value:
+            allowed = ", ".join(f"hydra.{name}" for name in _READ)
+            raise ConfigError(f"hydra.{key}={value} is refused, because only {allowed} have an effect; leave it out")
 
 
 def check_secrets(config: Any) -> None:
@@ -52,27 +51,17 @@ def check_secrets(config: Any) -> None:
 
     The message does not show the secret.
     """
-    from omegaconf import OmegaConf
-
-    for path, value in _leaves(OmegaConf.to_container(config, resolve=True, throw_on_missing=False)):
+    for path, value in _leaves(_content(config, resolve=True)):
         if isinstance(value, str) and secret.hidden(value) != value:
             raise ConfigError(
                 f"{'.'.join(path)} contains the secret of an environment variable, which logs and results would show; leave it out"
             )
 
 
-def _is_trusted(target: str) -> bool:
-    """Return whether a trusted module itself defines the target.
+def _content(config: Any, resolve: bool = False) -> Any:
+    from omegaconf import OmegaConf
 
-    A name that a trusted module only imports, such as `radartwin.runs.dashboard.os.system`, is not trusted.
-    """
-    module, _, name = target.rpartition(".")
-    try:
-        if not target.startswith(TRUSTED) or importlib.util.find_spec(module) is None:
-            return False
-        return getattr(importlib.import_module(module), name).__module__.startswith(TRUSTED)
-    except (ImportError, AttributeError, ValueError):
-        return False
+    return OmegaConf.to_container(config, resolve=resolve, throw_on_missing=False)
 
 
 def _leaves(node: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 # suffix of every unfinished file or folder; a later process removes the unfinished files and folders of killed processes
 TEMPORARY = ".tmp"
 _UNFINISHED = re.compile(rf"\..+\.radartwin-(?:(.+)-)?(\d{{1,9}}){re.escape(TEMPORARY)}")  # .NAME.radartwin-HOST-PID.tmp
-LOCK = "lock"  # file in an unfinished folder, locked by the process that fills the folder
 
 
 def check_folder(folder: Path) -> Path:
@@ -57,7 +56,7 @@ def make_folder(folder: Path) -> Path:
 
 
 def unfinished(path: Path) -> Path:
-    """Return the temporary path in the same folder as `path` under which this process writes the file until it is complete."""
+    """Return the temporary path in the same folder as `path` under which this process writes a file or folder until it is complete."""
     return path.with_name(f".{path.name}.radartwin-{socket.gethostname()}-{os.getpid()}{TEMPORARY}")
 
 
@@ -99,7 +98,7 @@ def replacing_together(paths: Sequence[Path]) -> Iterator[dict[Path, Path]]:
     together = len(paths) > 1
     try:
         for written in temporary.values():
-            written.unlink(missing_ok=True)  # a killed process with the same number may have left it
+            remove(written)  # a killed process with the same number may have left it
         yield temporary
         for written in temporary.values():
             sync(written)
@@ -282,34 +281,23 @@ def _cannot_lock(path: Path, error: OSError) -> OutputError:
 
 
 def sweep(folder: Path) -> None:
-    """Remove from the folder the temporary files (see `unfinished`) of this machine's processes that no longer exist.
+    """Remove from the folder the temporary files and folders (see `unfinished`) of this machine's processes that no longer exist.
 
     Machines that share the folder cannot see each other's processes, so the function keeps the files of other machines.
     """
     for path in sorted(folder.glob(f".*{TEMPORARY}")):
-        if (found := _UNFINISHED.fullmatch(path.name)) and path.is_file():
-            host, process = found.groups()
+        if match := _UNFINISHED.fullmatch(path.name):
+            host, process = match.groups()
             if host in (None, socket.gethostname()) and not alive(int(process)):
-                path.unlink(missing_ok=True)
+                remove(path)
 
 
-def drop_abandoned(folder: Path) -> None:
-    """Remove a folder that a dead process left incomplete, unless a living process holds the folder's lock FOLDER/lock or waits for this
-    lock.
-
-    The function `drop_abandoned` holds the lock until the folder is empty, so that a process that wants to fill the folder waits and then
-    starts with an empty folder.
-    """
-    with contextlib.suppress(OSError):
-        folder.rmdir()  # an empty folder is from a process that was killed before it held the lock
-    with contextlib.suppress(OSError), FileLock(folder / LOCK).acquire(blocking=False):
-        for child in folder.iterdir():
-            if child.is_dir() and not child.is_symlink():
-                shutil.rmtree(child)
-            elif child.name != LOCK:
-                child.unlink()
-        (folder / LOCK).unlink()
-        folder.rmdir()  # fails if another process has locked the folder again
+def remove(path: Path) -> None:
+    """Remove a file, a link or a whole folder, if it exists."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def alive(process: int) -> bool:

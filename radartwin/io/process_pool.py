@@ -15,11 +15,11 @@ import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing.connection import Connection
+from multiprocessing import connection
 from multiprocessing.util import Finalize
 from typing import Any
 
-from radartwin.compiled import share_cores
+from radartwin.compiled import share_cores, sharers
 from radartwin.io.one_line import show_warning
 
 __all__ = ["BrokenProcessPool", "ProcessPool", "in_worker"]
@@ -37,46 +37,40 @@ class ProcessPool:
     Args:
         prepare: function that each worker calls when it starts.
         import_main: whether workers import the script that the user started. Use False if the script may lack `if __name__ == "__main__"`.
+        beside: number of pools that compute at the same time. The workers of all these pools share the processor cores.
+        nested: whether calls may start worker processes of their own.
     """
 
-    def __init__(self, size: int, prepare: Callable[[], object] | None = None, import_main: bool = True) -> None:
-        self.size, self.pids = size, set[int]()  # pids: ids of the worker processes that have finished a call
-        self._import_main = import_main
+    def __init__(
+        self, size: int, prepare: Callable[[], object] | None = None, import_main: bool = True, beside: int = 1, nested: bool = False
+    ) -> None:
+        self.size, self._import_main = size, import_main
         context = multiprocessing.get_context("spawn")
-        lifeline, self._own_end = context.Pipe(duplex=False)
-        self._executor = ProcessPoolExecutor(size, context, _start, (lifeline, context.Value("i", 0), prepare))
+        self._executor = ProcessPoolExecutor(size, context, _start, (context.Value("i", 0), beside * sharers(), nested, prepare))
+
+    @property
+    def pids(self) -> set[int]:
+        """Return the ids of the worker processes."""
+        return set(self._executor._processes or ())
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Call a module-level function in a worker. The arguments, the return value and exceptions are pickled."""
         with contextlib.nullcontext() if self._import_main else _without_main():
-            future = self._executor.submit(_call, function, arguments)
-        result: Future[Any] = Future()
-        future.add_done_callback(lambda done: self._pass_on(done, result))
-        return result
-
-    def _pass_on(self, done: Future[Any], result: Future[Any]) -> None:
-        if error := done.exception():
-            result.set_exception(error)
-        else:
-            pid, value = done.result()
-            self.pids.add(pid)
-            result.set_result(value)
+            return self._executor.submit(_call, function, arguments)
 
     def end(self) -> None:
         """End all worker processes, even if a call is still running.
 
-        A worker that is in compiled code or still imports modules cannot end itself. The pool kills such a worker after twice
-        ENDS_WITHIN_S.
+        A worker that is in compiled code cannot end itself. The pool kills such a worker after ENDS_WITHIN_S.
         """
-        self._own_end.close()
-        processes = list((self._executor._processes or {}).values())  # Python 3.14 has kill_workers instead
-        killer = threading.Timer(2 * ENDS_WITHIN_S, lambda: [process.kill() for process in processes])
-        killer.daemon = True
-        killer.start()
-        try:
-            self._executor.shutdown(cancel_futures=True)
-        finally:
-            killer.cancel()
+        processes = list((self._executor._processes or {}).values())  # Python 3.14 has terminate_workers instead
+        for process in processes:
+            process.terminate()
+        end = time.monotonic() + ENDS_WITHIN_S
+        for process in processes:
+            if not connection.wait([process.sentinel], max(0.0, end - time.monotonic())):
+                process.kill()
+        self._executor.shutdown(cancel_futures=True)
 
 
 def in_worker() -> bool:
@@ -97,33 +91,35 @@ def _without_main() -> Iterator[None]:
         vars(main).update(hidden)
 
 
-def _start(lifeline: Connection, busy: Any, prepare: Callable[[], object] | None) -> None:
+def _start(busy: Any, others: int, nested: bool, prepare: Callable[[], object] | None) -> None:
     global _in_worker, _busy
-    _in_worker, _busy = True, busy
-    share_cores(lambda: busy.value)
+    _in_worker, _busy = not nested, busy
+    share_cores(lambda: busy.value * others)
     warnings.showwarning = show_warning
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a worker ignores Ctrl-C, because the parent process ends its workers
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     # While a worker exits, SIGTERM ends the worker at once; SystemExit inside an exit function would print a traceback.
     Finalize(None, signal.signal, (signal.SIGTERM, signal.SIG_DFL), exitpriority=0)
-    threading.Thread(target=_end_with_parent, args=(lifeline,), daemon=True).start()
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     if prepare is not None:
         prepare()
 
 
-def _end_with_parent(lifeline: Connection) -> None:
-    """Wait until the parent process closes its end of the pipe or dies, then end this worker process."""
-    lifeline.poll(None)
+def _end_with_parent() -> None:
+    """Wait until the parent process dies, then end this worker process."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
     os.kill(os.getpid(), signal.SIGTERM)
     time.sleep(ENDS_WITHIN_S)
     os._exit(1)
 
 
-def _call(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[int, Any]:
+def _call(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
     try:
         with _busy.get_lock():
             _busy.value += 1
-        return os.getpid(), function(*arguments)
+        return function(*arguments)
     except SystemExit:  # raised on SIGTERM; the executor would treat it as an error of the call and continue
         os._exit(1)
     finally:

@@ -18,15 +18,20 @@ PLAIN_INTERVAL_S = 5.0
 
 
 class Progress:
-    """Print the progress of long work. `quiet` switches the output off, for tests and use as a library."""
+    """Print the progress of long work.
 
-    def __init__(self, quiet: bool = False) -> None:
-        self._quiet = quiet
+    Args:
+        quiet: True switches the output off, for tests and use as a library.
+        label: name of the job at the beginning of each line, because several jobs may print to one terminal.
+    """
+
+    def __init__(self, quiet: bool = False, label: str = "") -> None:
+        self._quiet, self._label = quiet, f"{label}: " if label else ""
         self._terminal = not quiet and sys.stderr.isatty()
 
     def say(self, line: str) -> None:
         if not self._quiet:
-            print(line, file=sys.stderr, flush=True)
+            print(f"{self._label}{line}", file=sys.stderr, flush=True)
 
     def over(self, items: Iterable[T], label: str) -> Iterator[T]:
         """Yield the items, and print the progress after each item."""
@@ -44,7 +49,7 @@ class Progress:
         if self._quiet:
             yield lambda: None
         elif self._terminal:
-            with _bar(label, total) as advance:
+            with _bar(f"{self._label}{label}", total) as advance:
                 yield advance
         else:
             with self._lines(label, total) as advance:

@@ -19,10 +19,12 @@ STEP_S = 0.5
 
 @contextlib.contextmanager
 def interrupted_by_signals() -> Iterator[None]:
-    """Within the `with` block, make SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt. With `nohup`, SIGHUP stays ignored."""
+    """Within the `with` block, make SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt(number of the signal). With `nohup`, SIGHUP stays
+    ignored.
+    """
 
-    def interrupt(*_: object) -> NoReturn:
-        raise KeyboardInterrupt
+    def interrupt(number: int, _: object) -> NoReturn:
+        raise KeyboardInterrupt(number)
 
     nohup = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
     before = {number: signal.signal(number, interrupt) for number in ENDING if not (nohup and number == signal.SIGHUP)}

@@ -1,4 +1,4 @@
-"""Log the result table, models, input data and machine load of a run to MLflow.
+"""Log the models, input data and machine load of a run to MLflow.
 
 Only this module and radartwin/runs/tracking.py import mlflow.
 """
@@ -6,9 +6,7 @@ Only this module and radartwin/runs/tracking.py import mlflow.
 from __future__ import annotations
 
 import contextlib
-import csv
 import hashlib
-import io
 import json
 import tempfile
 import threading
@@ -17,7 +15,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from radartwin.constants import __version__
@@ -40,29 +38,18 @@ class Record:
     """The data of a run that the runner logs to MLflow.
 
     Attributes:
-        rows: rows of the run's result table.
         inputs: keys of the stored data that the result was computed from, grouped by kind of data.
     """
 
     run_id: str = ""
     metrics: Mapping[str, float] = field(default_factory=dict)
     artifacts: Sequence[Path] = ()
-    rows: Sequence[Mapping[str, Any]] = ()
     inputs: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
 
 def tags(table: str, key: str) -> dict[str, str]:
     head, dirty = commit()
     return {"run_key": key, "table": table, "git_commit": head, "dirty": str(dirty).lower(), "radartwin": __version__}
-
-
-def log_table(client: MlflowClient, run_id: str, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Log the rows of the result table as table.csv, which MLflow shows on the page of the run."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(dict.fromkeys(column for row in rows for column in row)), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    client.log_text(run_id, text.getvalue(), "table.csv")
 
 
 def log_models(client: MlflowClient, run_id: str, folder: Path) -> None:

@@ -13,7 +13,7 @@ import urllib.request
 from pathlib import Path
 
 from radartwin.config.study import TrackingConfig
-from radartwin.errors import ConfigError
+from radartwin.errors import ConfigError, MissingError
 from radartwin.io.serving import HOST, STEP_S, free_port, ignore_signals
 from radartwin.runs.tracking import Tracker
 
@@ -32,6 +32,7 @@ def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> 
         port: port of the web server; None means 5000, or another free port if 5000 is taken.
     Raises:
         ConfigError: tracking is switched off, or uses another MLflow server.
+        MissingError: the output folder has no database of runs.
         BackendError: the port given by the user is taken.
     """
     tracker = Tracker(config, output)
@@ -39,6 +40,8 @@ def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> 
         raise ConfigError("tracking=off leaves no runs to show; use tracking=mlflow")
     if tracker.artifacts is None:
         raise ConfigError(f"tracking.uri={tracker.uri} is a server of its own; open it in a browser")
+    if not tracker.exists:
+        raise MissingError(f"{output}: no run is tracked in this folder; give the output folder of a run with --output")
     port = free_port(port, USUAL_PORT)
     tracker.prepare()
     command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", tracker.uri, "--host", HOST]

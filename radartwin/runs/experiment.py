@@ -6,6 +6,7 @@ result is saved in the store on disk, so a second run of the same configuration 
 
 from __future__ import annotations
 
+import csv
 import importlib
 import math
 import numbers
@@ -30,6 +31,7 @@ VERDICTS = ("supported", "direction shown", "undecided", "contradicted", "not te
 # columns from which the verdict on a claim follows
 JUDGED = ("bound", "direction", "null", "margin", "level", "family", "test", "unit", "p", "freedom", "interval_scale", "lowest", "highest")
 LIMITS = ("holds", "misses")  # verdicts of tables that check limits, such as `validation`
+TABLE_FILE = "table.csv"  # file with the rows in the folder of a stored result
 MODELS = "models"  # name of the folder for trained models within a stored result
 
 
@@ -45,6 +47,7 @@ class Result:
         metrics: mapping from name to the numbers that MLflow shows; about thirty at most, without brackets in the names.
         keys: keys of the stored data that the result was computed from.
         run_key: key of the stored result; the runner sets it.
+        folder: folder of the stored result, with the rows in TABLE_FILE; the runner sets it.
         models: mapping from name to trained model. If the result was read from the store on disk, `models` maps the name to a folder.
     """
 
@@ -54,6 +57,7 @@ class Result:
     metrics: Mapping[str, float] = field(default_factory=dict)
     keys: list[str] = field(default_factory=list)
     run_key: str = ""
+    folder: Path | None = None
     models: Mapping[str, Model | Path] = field(default_factory=dict)
 
 
@@ -159,6 +163,10 @@ def save(result: Result, folder: Path) -> None:
     metrics = {name: float(value) for name, value in result.metrics.items()}
     names = {"figures": sorted(result.figures), "models": sorted(result.models)}
     save_json(folder, "result", {"table": result.table, "rows": rows, "metrics": metrics, "keys": result.keys, **names})
+    with (folder / TABLE_FILE).open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.DictWriter(stream, list(dict.fromkeys(column for row in rows for column in row)), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
     for name, model in result.models.items():
         if not isinstance(model, Path):
             model.save(folder / MODELS / name)
@@ -182,7 +190,7 @@ def read(product: Product) -> Result:
         figures = {name: files.inside(product.path / "figures", name) for name in content["figures"]}
         models = {name: files.inside(product.path / MODELS, name) for name in content["models"]}
         check_rows(content["table"], content["rows"])
-        return Result(content["table"], content["rows"], figures, content["metrics"], content["keys"], product.key, models)
+        return Result(content["table"], content["rows"], figures, content["metrics"], content["keys"], product.key, product.path, models)
     except (LookupError, TypeError, AttributeError, ValueError) as error:
         raise InputError(f"{product.path} is not the result of a run ({error}); delete the folder and run again") from error
 

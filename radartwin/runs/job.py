@@ -1,7 +1,6 @@
 """Run one job of a sweep for a launcher: run the experiment, write how the job ended to a file, and raise no exception.
 
-An exception in a launcher would lose the remaining jobs of the sweep. Therefore each job writes three files to its own folder. The
-process that started the sweep reads the files:
+An exception in a launcher would lose the remaining jobs of the sweep. Each job writes three files to its own folder:
 
     started        written first; a folder with this file and without outcome.json belongs to a job that was killed
     log.txt        standard error of the job, with the traceback of a programming error
@@ -16,19 +15,17 @@ import json
 import sys
 import time
 import traceback
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO, cast
+from typing import Any, TextIO, cast
 
-from radartwin.config.compose import typed
-from radartwin.errors import UserError
+from radartwin.config.config import Config
+from radartwin.errors import CrashError, UserError
 from radartwin.io import files
+from radartwin.io.one_line import one_line
 from radartwin.io.progress import Progress
 from radartwin.runs.run import naming, run_experiment
-
-if TYPE_CHECKING:
-    from omegaconf import DictConfig
 
 OUTCOME, STARTED, LOG = "outcome.json", "started", "log.txt"
 DONE, CACHED, FAILED, REFUSED, UNFINISHED = "done", "cached", "failed", "refused", "not run"
@@ -39,8 +36,8 @@ STATUSES = (DONE, CACHED, FAILED, REFUSED, UNFINISHED)
 class Outcome:
     """How one job of a sweep ended.
 
-    The status is "done", "cached" (an earlier run finished the job), "failed" (by a programming error, or because the job was killed),
-    "refused" (because of wrong user input) or "not run".
+    The status is "done", "cached" (an earlier run finished the job), "failed" (by a programming error, or because the job or a worker was
+    killed), "refused" (because of wrong user input) or "not run".
 
     Attributes:
         line: text with the number of results computed and reused, or with the reason of a failure.
@@ -77,48 +74,53 @@ def job_name(overrides: Sequence[str]) -> str:
     return ",".join(f"{key}={value}" for key, value in naming(overrides).items()) or "defaults"
 
 
-def job(composed: DictConfig) -> None:
-    """Run one job of a sweep. Hydra's launchers call the function `job`, in any process or on any machine."""
-    from hydra.core.hydra_config import HydraConfig
-    from omegaconf import OmegaConf
+@dataclass(frozen=True)
+class Job:
+    """One job of a sweep. A launcher may send it to another process or machine.
 
-    runtime = HydraConfig.get()
-    overrides = list(runtime.overrides.task)
-    unresolved = OmegaConf.to_container(runtime.runtime, resolve=False)  # a ${ in the path must stay as it is
-    folder = Path(cast(dict, unresolved)["output_dir"])
-    in_parent = runtime.runtime.choices.get("hydra/launcher") == "basic"
-    (folder / STARTED).touch()
-    started = time.monotonic()
-    with _logged(folder / LOG, echo=in_parent):
-        outcome = _outcome(composed, overrides)
-    log = str(folder / LOG) if (folder / LOG).stat().st_size else ""
-    replace(outcome, seconds=round(time.monotonic() - started, 3), log=log).write(folder)
+    Attributes:
+        folder: folder of the job's files.
+    """
+
+    overrides: Sequence[str]
+    config: Config
+    folder: Path
+
+    @property
+    def name(self) -> str:
+        return job_name(self.overrides)
 
 
-def _outcome(composed: DictConfig, overrides: Sequence[str]) -> Outcome:
-    name = job_name(overrides)
+def run(job: Job) -> Outcome:
+    """Run one job of a sweep, in any process or on any machine. Return how the job ended, and write it to the job's folder."""
+    (job.folder / STARTED).touch()
+    started, log = time.monotonic(), job.folder / LOG
+    with (
+        log.open("w", encoding="utf-8", buffering=1) as stream,
+        contextlib.redirect_stderr(cast(Any, _Both(stream, sys.stderr))),
+    ):
+        outcome = _outcome(job)
+    outcome = replace(outcome, seconds=round(time.monotonic() - started, 3), log=str(log) if log.stat().st_size else "")
+    outcome.write(job.folder)
+    return outcome
+
+
+def _outcome(job: Job) -> Outcome:
     try:
-        result, counts = run_experiment(typed(composed), overrides, Progress())
+        result, counts = run_experiment(job.config, job.overrides, Progress(label=job.name))
+    except CrashError as error:
+        print(error, file=sys.stderr)
+        return Outcome(job.name, FAILED, one_line(error))
     except UserError as error:
         print(error, file=sys.stderr)
-        return Outcome(name, REFUSED, " ".join(str(error).split()))
+        return Outcome(job.name, REFUSED, one_line(error))
     except MemoryError as error:
         traceback.print_exc()
-        return Outcome(name, FAILED, f"out of memory ({error}); run fewer jobs at once" if str(error) else "out of memory")
+        return Outcome(job.name, FAILED, f"out of memory ({error}); run fewer jobs at once" if str(error) else "out of memory")
     except Exception as error:
         traceback.print_exc()
-        return Outcome(name, FAILED, f"{type(error).__name__}: {error}".splitlines()[0])
-    return Outcome(name, DONE if counts.scored else CACHED, str(counts), result.run_key, metrics=dict(result.metrics))
-
-
-@contextlib.contextmanager
-def _logged(path: Path, echo: bool) -> Iterator[None]:
-    """Within the `with` block, write standard error to the file `path`, and if `echo` is True also to the terminal."""
-    with (
-        path.open("w", encoding="utf-8", buffering=1) as log,
-        contextlib.redirect_stderr(cast(Any, _Both(log, sys.stderr)) if echo else log),
-    ):
-        yield
+        return Outcome(job.name, FAILED, f"{type(error).__name__}: {error}".splitlines()[0])
+    return Outcome(job.name, DONE if counts.scored else CACHED, str(counts), result.run_key, metrics=dict(result.metrics))
 
 
 class _Both(io.TextIOBase):

@@ -1,122 +1,93 @@
-"""Run the jobs of a sweep with one of Hydra's launchers (serial, joblib, SLURM), so that a killed job does not end the sweep.
+"""Run the jobs of a sweep one after another, in worker processes, or on a SLURM cluster. A killed job does not end the sweep.
 
-In Hydra's own multirun command, all jobs are lost as soon as one worker is killed. Here, each job of the sweep writes whether it succeeded
-or failed to a file outcome.json in the job's own folder (see radartwin/runs/job.py). If the launcher fails, this module takes the jobs that
-had started but not ended, and runs them again one at a time. A job that crashes again when it runs alone has failed. All other jobs
-continue together.
+Each job writes how it ended to a file outcome.json in its own folder (radartwin/runs/job.py).
 """
 
 from __future__ import annotations
 
-import contextlib
-import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor
-from pathlib import Path
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
 
-from radartwin.config.compose import launcher, path_override
-from radartwin.io import files
-from radartwin.io.one_line import one_line
-from radartwin.runs.job import FAILED, LOG, STARTED, Outcome, job, job_name
+from radartwin.compiled import cores
+from radartwin.errors import ConfigError
+from radartwin.io.process_pool import BrokenProcessPool, ProcessPool
+from radartwin.runs.job import FAILED, LOG, Job, Outcome, run
 
-POLL_S = 0.2
-ALONE_TRIES = 2  # number of times that a crashed job is run alone; another program may kill it once, but hardly twice in a row
-ERROR_LENGTH = 300  # largest number of characters of a launcher's error in the reason of a failed job
+KILLED = "its process was killed twice (memory ran out, or another program ended it)"
 
 
-class Launcher:
-    """Runs the jobs of one sweep with a launcher of Hydra.
+@dataclass(frozen=True)
+class Serial:
+    """Run the jobs in this process."""
 
-    Args:
-        hydra_overrides: overrides of Hydra's settings, such as `hydra/launcher=joblib` and `hydra.launcher.n_jobs=2`.
-        folder: folder of the sweep; job N writes its files into folder/N.
-        say: called with one line of text for each finished job.
-    Raises:
-        ConfigError: the launcher or a setting is unknown, or would call code outside radartwin and the launchers.
+    def run(self, jobs: Sequence[Job], ended: Callable[[Job, Outcome], None]) -> None:
+        """Run the jobs, and call `ended` for each job as soon as it has ended."""
+        for job in jobs:
+            ended(job, run(job))
+
+
+@dataclass(frozen=True)
+class Parallel:
+    """Run the jobs in worker processes on this machine.
+
+    Attributes:
+        n_jobs: number of worker processes; -1 means one per processor core, -2 one less, and so on.
     """
 
-    def __init__(
-        self, hydra_overrides: Sequence[str], config_dirs: Sequence[Path], folder: Path, say: Callable[[str], None] = print
-    ) -> None:
-        self.folder, self._say = folder, say
-        self._plugin = launcher([*hydra_overrides, path_override("hydra.sweep.dir", folder)], config_dirs, job)
+    n_jobs: int = -1
 
-    def run(self, jobs: Mapping[int, Sequence[str]], total: int) -> None:
-        """Run the sweep's jobs (`jobs` maps job number to overrides) until each has ended.
+    def __post_init__(self) -> None:
+        if not self.n_jobs:
+            raise ConfigError("hydra.launcher.n_jobs=0 must be above zero, or -1 for all processor cores")
 
-        If the launcher fails before any job starts, raise its error.
+    def run(self, jobs: Sequence[Job], ended: Callable[[Job, Outcome], None]) -> None:
+        """Run the jobs, and call `ended` for each job as soon as it has ended. A job whose process is killed runs again alone at the end,
+        when more memory is free. A second kill is its failure.
         """
-        waiting = dict(jobs)
-        with self._watched(list(jobs), total):
-            while waiting:
-                self._launch(waiting)
-                waiting = self._unsettled(waiting)
-                for number in [n for n in waiting if (self._place(n) / STARTED).exists()]:
-                    self._alone(number, waiting.pop(number))
+        count = self.n_jobs if self.n_jobs > 0 else max(1, cores() + 1 + self.n_jobs)
+        for job in _killed(jobs, count, ended):
+            if _killed([job], 1, ended):
+                log = job.folder / LOG
+                outcome = Outcome(job.name, FAILED, KILLED, log=str(log) if log.exists() else "")
+                outcome.write(job.folder)
+                ended(job, outcome)
 
-    def _alone(self, number: int, overrides: Sequence[str]) -> None:
-        error = None
-        for _ in range(ALONE_TRIES):
-            error = self._launch({number: overrides})
-            if Outcome.read(self._place(number)):
-                return
-        if error is None or (isinstance(error, BrokenExecutor) and "terminated" in str(error)):
-            reason = f"its process was killed {ALONE_TRIES + 1} times (memory ran out, or another program ended it)"
-        else:
-            reason = f"the launcher failed {ALONE_TRIES + 1} times: {type(error).__name__}: {one_line(error)[:ERROR_LENGTH]}"
-        log = self._place(number) / LOG
-        Outcome(job_name(overrides), FAILED, reason, log=str(log) if log.exists() else "").write(self._place(number))
 
-    def _launch(self, jobs: Mapping[int, Sequence[str]]) -> Exception | None:
-        """Call Hydra's launcher once.
+def _killed(jobs: Sequence[Job], count: int, ended: Callable[[Job, Outcome], None]) -> list[Job]:
+    """Run the jobs in `count` processes, and return the jobs whose process was killed.
 
-        Return an error that the launcher raised after jobs had started, because `run` starts these jobs again. None means no error.
-        """
-        for number in jobs:
-            files.make_folder(self._place(number))
-            (self._place(number) / STARTED).unlink(missing_ok=True)
-        placed = [[*overrides, f"hydra.sweep.subdir='{number}'"] for number, overrides in jobs.items()]
-        try:
-            self._plugin.launch(placed, initial_job_idx=0)
-        except Exception as error:
-            if not any((self._place(number) / STARTED).exists() for number in jobs):
-                raise
-            return error
-        return None
+    Each process belongs to a pool of its own, because the kill of a worker ends all workers of its pool.
+    """
+    count = min(count, len(jobs))
+    pools = [ProcessPool(1, beside=count, nested=True) for _ in range(count)]
+    waiting, killed, running = list(reversed(jobs)), list[Job](), dict[Future, tuple[int, Job]]()
 
-    def _unsettled(self, jobs: Mapping[int, Sequence[str]]) -> dict[int, Sequence[str]]:
-        return {number: overrides for number, overrides in jobs.items() if Outcome.read(self._place(number)) is None}
+    def submit(slot: int) -> None:
+        if waiting:
+            job = waiting.pop()
+            running[pools[slot].submit(run, job)] = slot, job
 
-    def _place(self, number: int) -> Path:
-        return self.folder / str(number)
-
-    @contextlib.contextmanager
-    def _watched(self, numbers: list[int], total: int) -> Iterator[None]:
-        """Within the `with` block, print a line for each job as soon as the file that states how the job ended appears."""
-        over, said = threading.Event(), total - len(numbers)
-
-        def report() -> None:
-            nonlocal said
-            for number in list(numbers):
-                if outcome := Outcome.read(self._place(number)):
-                    numbers.remove(number)
-                    said += 1
-                    self._say(f"[{said}/{total}] {status_line(outcome)}")
-
-        def watch() -> None:
-            while not over.wait(POLL_S):
-                report()
-
-        watcher = threading.Thread(target=watch, daemon=True)
-        watcher.start()
-        try:
-            yield
-        finally:
-            over.set()
-            watcher.join()
-            report()
+    try:
+        for slot in range(count):
+            submit(slot)
+        while running:
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                slot, job = running.pop(future)
+                try:
+                    ended(job, future.result())
+                except BrokenProcessPool:
+                    killed.append(job)
+                    pools[slot].end()
+                    pools[slot] = ProcessPool(1, beside=count, nested=True)
+                submit(slot)
+    finally:
+        if pools:
+            with ThreadPoolExecutor(count) as threads:  # each worker has some seconds for its clean-up
+                list(threads.map(ProcessPool.end, pools))
+    return killed
 
 
 def status_line(outcome: Outcome) -> str:
-    run = f"run {outcome.run_key[:8]}, " if outcome.run_key else ""
-    return f"{outcome.status:8s} {outcome.job}: {run}{outcome.line} ({outcome.seconds:.1f} s)"
+    key = f"run {outcome.run_key[:8]}, " if outcome.run_key else ""
+    return f"{outcome.status:8s} {outcome.job}: {key}{outcome.line} ({outcome.seconds:.1f} s)"

@@ -23,7 +23,7 @@ from radartwin.config.study import ExperimentConfig
 from radartwin.io.one_line import plural
 from radartwin.io.progress import Progress
 from radartwin.runs.artifacts import Record
-from radartwin.runs.experiment import LIMITS, VERDICTS, Result, load, module_name, read, save
+from radartwin.runs.experiment import LIMITS, TABLE_FILE, VERDICTS, Result, load, module_name, read, save
 from radartwin.runs.tracking import Tracker
 from radartwin.store import products
 from radartwin.store.digest import semantic
@@ -72,7 +72,7 @@ def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Prog
             track()
         for record in records:
             record.metrics, record.artifacts = result.metrics, sorted(product.path.iterdir())
-            record.rows, record.inputs = result.rows, _keys_by_kind(store, result.keys)
+            record.inputs = _keys_by_kind(store, result.keys)
     return result, counts
 
 
@@ -136,7 +136,17 @@ def run(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
         with _calling(config.experiment, "page"):
             print(page(result.rows))
     print(summary(result))
+    if result.folder:
+        print(f"table: {result.folder / TABLE_FILE}")
     print(f"run: {counts}")
+    return 0
+
+
+def print_config(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
+    """Print the composed and checked configuration as YAML, without a run."""
+    import yaml
+
+    print(yaml.safe_dump(asdict(compose(overrides, config_dirs)), sort_keys=False), end="")
     return 0
 
 

@@ -20,8 +20,8 @@ from radartwin.errors import BackendError, ConfigError, UserError
 from radartwin.io import files
 from radartwin.io.one_line import plural
 from radartwin.runs.job import FAILED, Outcome
-from radartwin.runs.run import extend_path
-from radartwin.runs.sweep import Sweep, composed, split
+from radartwin.runs.run import extend_path, naming
+from radartwin.runs.sweep import Sweep, composed, folders, split
 from radartwin.store.digest import spec_digest
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def search(overrides: Sequence[str], config_dirs: Sequence[Path], goal: SearchGo
         BackendError: Optuna is not installed, or its database cannot be used.
     """
     extend_path(config_dirs)
-    ours, hydras = split(overrides)
+    ours, _ = split(overrides)
     fixed, searched = space(ours)
     if not searched:
         raise ConfigError("--search needs a setting to search over, such as 'trajectory.height_m=interval(0.5,1.5)'")
@@ -60,7 +60,8 @@ def search(overrides: Sequence[str], config_dirs: Sequence[Path], goal: SearchGo
     middle = [f"{key}={_text(_middle(distribution))}" for key, distribution in searched.items()]
     (first,) = composed([[*fixed, *middle]], composer)
     study, place = _study(first, fixed, searched, goal)
-    with Sweep(first, hydras, config_dirs, f"search {goal.direction} {goal.metric} over {', '.join(searched)}") as running:
+    title = f"search {goal.direction} {goal.metric} over {' '.join(override for override in ours if naming([override]))}"
+    with Sweep(first, [*fixed, *middle], ["--search", goal.metric, *overrides, *folders(config_dirs)], composer, title) as running:
         while (done := len(_finished(study))) < goal.trials:
             trials = [study.ask(searched) for _ in range(min(goal.at_once, goal.trials - done))]
             jobs = {trial.number: _job(composer, fixed, trial) for trial in trials}

@@ -1,7 +1,7 @@
-"""Run a sweep on a SLURM cluster: hydra-submitit-launcher submits the jobs, and the command squeue reports which jobs still run.
+"""Run a sweep on a SLURM cluster: submitit submits the jobs as one job array, and the command squeue reports which jobs still run.
 
-hydra-submitit-launcher itself stops waiting at the first killed job, and waits forever on a cluster without SLURM accounting. In this
-module a job has ended when the job's file outcome.json exists (radartwin/runs/job.py) or when the SLURM queue no longer contains the job.
+submitit itself waits forever on a cluster without SLURM accounting. In this module a job has ended when the job's file outcome.json exists
+(radartwin/runs/job.py) or when the SLURM queue no longer contains the job.
 """
 
 from __future__ import annotations
@@ -11,89 +11,73 @@ import math
 import os
 import subprocess
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hydra_plugins.hydra_submitit_launcher.config import BaseQueueConf
-from hydra_plugins.hydra_submitit_launcher.submitit_launcher import SlurmLauncher
-
 from radartwin.errors import BackendError, ConfigError
-from radartwin.io.one_line import plural
-from radartwin.runs.job import FAILED, LOG, Outcome, job_name
+from radartwin.io.one_line import one_line, plural
+from radartwin.runs.job import FAILED, LOG, Job, Outcome, run
 
 POLL_S = 5.0  # seconds between two looks at the queue, unless RADARTWIN_SLURM_POLL gives another number
 GRACE = 4  # looks at the queue until a job that left it without outcome.json has failed; files of other nodes appear with a delay
 WAITING = ("PENDING", "RUNNING", "COMPLETING", "CONFIGURING", "REQUEUED", "SUSPENDED", "RESIZING", "SIGNALING", "STAGE_OUT", "STOPPED")
 
 
-class SlurmSweep(SlurmLauncher):
-    """The launcher for hydra/launcher=slurm; its settings are those of the launcher submitit_slurm."""
+@dataclass(frozen=True)
+class Slurm:
+    """Run the jobs on a SLURM cluster; `settings` are the keys below hydra.launcher (conf/hydra/launcher/slurm.yaml)."""
 
-    def launch(self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int) -> Sequence[Any]:
-        """Submit the jobs of a sweep as one SLURM job array and return when each job has ended.
+    settings: Mapping[str, Any]
+
+    def run(self, jobs: Sequence[Job], ended: Callable[[Job, Outcome], None]) -> None:
+        """Submit the jobs as one SLURM job array, and call `ended` for each job as soon as it has ended.
 
         Raises:
             BackendError: SLURM is not installed here, or refuses the submission.
             ConfigError: RADARTWIN_SLURM_POLL is not a number of seconds above zero.
         """
-        from hydra.core.singleton import Singleton
+        from hydra_plugins.hydra_submitit_launcher.config import BaseQueueConf
         from submitit import AutoExecutor
         from submitit.core.utils import FailedJobError
 
-        assert self.config is not None
         poll_s = _poll_s()
-        own = {"submitit_folder", "max_num_timeout"}
-        shared = set(BaseQueueConf.__dataclass_fields__)
-        settings = {name if name in shared else f"slurm_{name}": value for name, value in self.params.items() if name not in own}
-        numbers = range(initial_job_idx, initial_job_idx + len(job_overrides))
+        logs = jobs[0].folder.parent / self.settings["submitit_folder"]
+        apart, shared = {"_target_", "submitit_folder", "max_num_timeout"}, set(BaseQueueConf.__dataclass_fields__)
+        settings = {name if name in shared else f"slurm_{name}": value for name, value in self.settings.items() if name not in apart}
         try:
-            executor = AutoExecutor(
-                folder=self.params["submitit_folder"], cluster="slurm", slurm_max_num_timeout=self.params["max_num_timeout"]
-            )
+            executor = AutoExecutor(folder=logs, cluster="slurm", slurm_max_num_timeout=self.settings["max_num_timeout"])
             executor.update_parameters(**settings)
-            count, names = len(job_overrides), [str(number) for number in numbers]
-            submitted = executor.map_array(
-                self, [list(o) for o in job_overrides], ["hydra.sweep.dir"] * count, numbers, names, [Singleton.get_state()] * count
-            )
+            submitted = executor.map_array(run, list(jobs))
         except (RuntimeError, FailedJobError) as error:
-            reason = " ".join(str(error).split())[-300:]
+            reason = one_line(error)[-300:]
             raise BackendError(f"hydra/launcher=slurm: {reason}; run it where sbatch works, or choose another launcher") from error
         ids = [job.job_id for job in submitted]
         print(f"slurm: {plural(len(ids), 'job')} submitted as {_array(ids)}; scancel {_array(ids)} stops them", flush=True)
-        self._wait(dict(zip(ids, job_overrides, strict=True)), poll_s)
-        return []
+        _wait(dict(zip(ids, jobs, strict=True)), poll_s, logs, ended)
 
-    def _wait(self, jobs: dict[str, Sequence[str]], poll_s: float) -> None:
-        """Wait until each job of the SLURM array has ended. A job that left the SLURM queue without writing outcome.json has failed."""
-        array, gone_since = _array(list(jobs)), dict[str, float]()
-        while True:
-            jobs = {job: overrides for job, overrides in jobs.items() if Outcome.read(self._place(overrides)) is None}
-            if not jobs:
-                return
-            states = queue_states(array)
-            for job, overrides in jobs.items():
-                state = states.get(job, "")
-                if states is UNREACHABLE or state in WAITING:
-                    gone_since.pop(job, None)
-                elif time.monotonic() - gone_since.setdefault(job, time.monotonic()) >= GRACE * poll_s:
-                    self._fail(job, overrides, state)
+
+def _wait(jobs: dict[str, Job], poll_s: float, logs: Path, ended: Callable[[Job, Outcome], None]) -> None:
+    """Wait until each job of the SLURM array has ended. A job that left the SLURM queue without writing outcome.json has failed."""
+    array, gone_since = _array(list(jobs)), dict[str, float]()
+    while jobs:
+        for number, job in list(jobs.items()):
+            if outcome := Outcome.read(job.folder):
+                del jobs[number]
+                ended(job, outcome)
+        states = queue_states(array) if jobs else {}
+        for number, job in list(jobs.items()):
+            state = states.get(number, "")
+            if states is UNREACHABLE or state in WAITING:
+                gone_since.pop(number, None)
+            elif time.monotonic() - gone_since.setdefault(number, time.monotonic()) >= GRACE * poll_s:
+                reason = f"SLURM job {number} ended {state or 'and left the queue'} without a result"
+                written = (job.folder / LOG, Path(str(logs).replace("%j", number)) / f"{number}_0_log.err")
+                log = next((str(path) for path in written if path.exists() and path.stat().st_size), "")
+                Outcome(job.name, FAILED, reason, log=log).write(job.folder)
+        if jobs:
             time.sleep(poll_s)
-
-    def _fail(self, job: str, overrides: Sequence[str], state: str) -> None:
-        place = self._place(overrides)
-        assert self.config is not None
-        own_log, slurm_log = place / LOG, Path(str(self.config.hydra.sweep.dir)) / "slurm" / job / f"{job}_0_log.err"
-        log = next((str(path) for path in (own_log, slurm_log) if path.exists() and path.stat().st_size), "")
-        reason = f"SLURM job {job} ended {state or 'and left the queue'} without a result"
-        named = [o for o in overrides if not o.startswith("hydra.")]
-        Outcome(job_name(named), FAILED, reason, log=log).write(place)
-
-    def _place(self, overrides: Sequence[str]) -> Path:
-        """Return the folder of a job, which radartwin/runs/launchers.py passes to the job as an override."""
-        assert self.config is not None
-        name = next(o.partition("=")[2].strip("'") for o in overrides if o.startswith("hydra.sweep.subdir="))
-        return Path(str(self.config.hydra.sweep.dir)) / name
 
 
 UNREACHABLE: dict[str, str] = {}  # returned if SLURM does not answer; `is` comparison distinguishes it from an empty queue

@@ -7,35 +7,45 @@ jobs, so the same command resumes an interrupted sweep.
 
 from __future__ import annotations
 
+import contextlib
 import csv
+import hashlib
 import io
+import json
+import re
+import shlex
 import time
-import uuid
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from radartwin.config.compose import Composer, combinations, quoted
+from radartwin.config.compose import Composer, combinations
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError, UserError
-from radartwin.io import files
+from radartwin.io import files, untrusted_json
 from radartwin.io.progress import Progress
+from radartwin.runs.checkout import commit
 from radartwin.runs.experiment import load, module_name
-from radartwin.runs.job import CACHED, FAILED, REFUSED, STARTED, STATUSES, UNFINISHED, Outcome, job_name
-from radartwin.runs.launchers import Launcher, status_line
+from radartwin.runs.job import CACHED, FAILED, OUTCOME, REFUSED, STARTED, STATUSES, UNFINISHED, Job, Outcome, job_name
+from radartwin.runs.launchers import Parallel, Serial, status_line
 from radartwin.runs.run import extend_path, finished, naming, run_experiment
+from radartwin.runs.slurm import Slurm
 from radartwin.runs.tracking import Tracker
+from radartwin.store.clean import CACHE
+from radartwin.store.products import RUN, SHORT
 
-TABLE = "jobs.csv"
+TABLE, DESCRIPTION = "jobs.csv", "sweep.json"
 
 
 def sweep(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
     """Run one job per combination of values. Return 0 if all jobs are done, 1 if a job failed, 2 if a job had wrong user input."""
     extend_path(config_dirs)
-    ours, hydras = split(overrides)
-    jobs = combinations(ours)
-    configs = composed(jobs, Composer(config_dirs))
+    ours, _ = split(overrides)
+    jobs, composer = combinations(ours), Composer(config_dirs)
+    configs = composed(jobs, composer)
     title = " ".join(override for override in ours if naming([override]))
-    with Sweep(configs[0], hydras, config_dirs, title) as running:
+    with Sweep(configs[0], jobs[0], ["-m", *overrides, *folders(config_dirs)], composer, title) as running:
         running.run({number: (job, config) for number, (job, config) in enumerate(zip(jobs, configs, strict=True))})
     return running.close()
 
@@ -43,82 +53,132 @@ def sweep(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
 class Sweep:
     """A running sweep: its folder, its parent run in MLflow, its launcher, and how the finished jobs ended.
 
+    The same command uses the same folder again, and waits while another process runs it. The folder holds sweep.json (experiment, command
+    and commit), jobs.csv (a row per job), and a folder for each job, which its number names.
+
     Args:
         first: configuration of one job; all jobs of a sweep have the same result table and output folder.
-        hydra_overrides: overrides that select the launcher and its settings.
-        config_dirs: further folders with option files.
+        overrides: overrides of this job.
+        command: words of the command line after `radartwin run`.
         title: name of the parent run in MLflow: the overrides that distinguish this sweep from other sweeps of the same result table.
+    Raises:
+        ConfigError: the launcher or a setting of Hydra is refused, or hydra.sweep.dir names the folder of another sweep.
     """
 
-    def __init__(self, first: Config, hydra_overrides: Sequence[str], config_dirs: Sequence[Path], title: str) -> None:
+    def __init__(self, first: Config, overrides: Sequence[str], command: Sequence[str], composer: Composer, title: str) -> None:
         load(first.experiment)
         table = first.experiment.name or module_name(first.experiment)
-        stamp = f"{time.strftime('%Y-%m-%d_%H-%M-%S')}_{uuid.uuid4().hex[:6]}"
-        self.folder = Path(first.output).absolute() / "sweeps" / stamp
+        option, settings, folder = composer.launching([*overrides, *split(command)[1]])
+        self._launcher = Slurm(settings) if option == "slurm" else Parallel(**settings) if option == "joblib" else Serial()
+        self._key = hashlib.sha256(f"{table} {title}".encode()).hexdigest()[:32]
+        usual = Path(first.output) / "sweeps" / f"{re.sub(r'[^A-Za-z0-9_.-]', '_', table)}_{self._key[:SHORT]}"
+        self.folder = Path(folder or usual).absolute()
+        self._experiment, self._title, self._results = table, title or table, Path(first.output).absolute() / CACHE / RUN
+        self._described = {"experiment": table, "key": self._key, "command": shlex.join(["radartwin", "run", *command])}
+        if (self.folder / DESCRIPTION).exists() and untrusted_json.read(self.folder / DESCRIPTION).get("key") != self._key:
+            raise ConfigError(f"hydra.sweep.dir={self.folder} holds another sweep; choose another folder")
         self.outcomes: dict[int, Outcome] = {}
-        self._launcher = Launcher(hydra_overrides, config_dirs, self.folder)
         self._tracker = Tracker(first.tracking, Path(first.output))
-        self._title = (table, title or table)
         self._parent: str | None = None
         self._jobs: dict[int, list[str]] = {}
+        self._total = 0
+        self._held = contextlib.ExitStack()
 
     def __enter__(self) -> Sweep:
-        files.make_folder(self.folder)
-        self._parent = self._tracker.sweep(*self._title)
+        waiting = f"waiting for another process that runs the sweep in {self.folder}"
+        self._held.enter_context(files.lock(files.make_folder(self.folder) / "sweep.lock", lambda: print(waiting, flush=True)))
+        head, dirty = commit()
+        described = {**self._described, "git_commit": head, "dirty": dirty, "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
+        files.write_atomically(self.folder / DESCRIPTION, json.dumps(described, indent=1) + "\n")
+        self._parent = self._tracker.sweep(self._experiment, self._title, self._key)
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
-        self._collect()
-        if kind is None:
-            status = "FINISHED" if all(o.finished for o in self.outcomes.values()) else "FAILED"
-        else:
-            status = "KILLED" if issubclass(kind, KeyboardInterrupt) else "FAILED"
-            print(self._totals())
-        try:
-            self._write()
-        finally:
-            table = self.folder / TABLE
-            self._tracker.end_sweep(self._parent, status, table if table.exists() else None)
+        with self._held:
+            self._collect()
+            if kind is None:
+                status = "FINISHED" if all(o.finished for o in self.outcomes.values()) else "FAILED"
+            else:
+                status = "KILLED" if issubclass(kind, KeyboardInterrupt) else "FAILED"
+                print(self._totals())
+            try:
+                files.write_atomically(self.folder / TABLE, self._table())
+            finally:
+                table = self.folder / TABLE
+                self._tracker.end_sweep(self._parent, status, table if table.exists() else None)
 
     def run(self, jobs: Mapping[int, tuple[list[str], Config]], total: int | None = None) -> None:
         """Run the sweep's jobs; `jobs` maps the job number to (overrides, configuration).
 
         Results of jobs that are already finished are read from the store.
         """
-        total = total or len(jobs)
+        self._total = total or len(jobs)
         self._jobs |= {number: overrides for number, (overrides, _) in jobs.items()}
-        waiting: dict[int, list[str]] = {}
+        waiting: dict[Path, int] = {}
+        prepared: list[Job] = []
         for number, (overrides, config) in jobs.items():
+            folder = files.make_folder(self.folder / str(number))
+            for name in (OUTCOME, STARTED):
+                (folder / name).unlink(missing_ok=True)
             if outcome := _cached(config, overrides):
-                self.outcomes[number] = outcome
-                print(f"[{len(self.outcomes)}/{total}] {status_line(outcome)}", flush=True)
+                self._ended(number, outcome)
             else:
-                waiting[number] = [*quoted(overrides), *([f"tracking.parent_run_id={self._parent}"] if self._parent else [])]
-        if waiting:
-            self._launcher.run(waiting, total)
-        self._collect()
+                tracked = replace(config, tracking=replace(config.tracking, parent_run_id=self._parent))
+                waiting[folder] = number
+                prepared.append(Job(overrides, tracked, folder))
+        if prepared:
+            self._launcher.run(prepared, lambda job, outcome: self._ended(waiting[job.folder], outcome))
+
+    def _ended(self, number: int, outcome: Outcome) -> None:
+        self.outcomes[number] = outcome
+        print(f"[{len(self.outcomes)}/{self._total}] {status_line(outcome)}", flush=True)
 
     def close(self) -> int:
         """Print the table of the sweep's jobs. Return the exit status."""
-        print(table_text(self.outcomes.values()))
+        for outcome in sorted(self.outcomes.values(), key=lambda o: STATUSES.index(o.status)):
+            print(f"{status_line(outcome)}{f'; log {outcome.log}' if outcome.log and not outcome.finished else ''}")
         print(self._totals())
         statuses = {outcome.status for outcome in self.outcomes.values()}
         return 1 if statuses & {FAILED, UNFINISHED} else 2 if REFUSED in statuses else 0
 
     def _collect(self) -> None:
+        """Take the outcomes of the jobs that ended just before an interruption, and note the other jobs as unfinished."""
         for number, overrides in self._jobs.items():
-            if number not in self.outcomes or self.outcomes[number].status == UNFINISHED:
+            if number not in self.outcomes:
                 folder = self.folder / str(number)
                 stopped = "stopped before its end" if (folder / STARTED).exists() else "not begun"
                 self.outcomes[number] = Outcome.read(folder) or Outcome(job_name(overrides), UNFINISHED, stopped)
 
     def _totals(self) -> str:
         count = {status: sum(o.status == status for o in self.outcomes.values()) for status in STATUSES}
-        shown = {status: n for status, n in count.items() if n or status != UNFINISHED}
-        return "sweep: " + ", ".join(f"{n} {status}" for status, n in shown.items()) + f"; {self.folder / TABLE}"
+        counts = {status: n for status, n in count.items() if n or status != UNFINISHED}
+        return "sweep: " + ", ".join(f"{n} {status}" for status, n in counts.items()) + f"; {self.folder / TABLE}"
 
-    def _write(self) -> None:
-        files.write_atomically(self.folder / TABLE, table_csv(self.outcomes[number] for number in sorted(self.outcomes)))
+    def _table(self) -> str:
+        """Format the jobs as CSV, with a column per option and per metric, and the folder of the result. Trials of a search that an earlier
+        command ran keep their rows.
+        """
+        table = self.folder / TABLE
+        earlier = csv.DictReader(table.read_text(encoding="utf-8").splitlines()) if table.exists() else ()
+        known: dict[int, dict[str, Any]] = {int(row["job"]): row for row in earlier if row.get("job", "").isdecimal()}
+        known |= {
+            number: {"job": number, "experiment": self._experiment, **naming(self._jobs[number]), "status": outcome.status}
+            | {"run_key": outcome.run_key, **outcome.metrics, "result": self._results / outcome.run_key if outcome.run_key else ""}
+            | {"line": outcome.line, "log": outcome.log, "seconds": outcome.seconds}
+            for number, outcome in self.outcomes.items()
+        }
+        rows = [known[number] for number in sorted(known)]
+        last = ("result", "line", "log", "seconds")
+        columns = [column for column in dict.fromkeys(column for row in rows for column in row) if column not in last]
+        text = io.StringIO()
+        writer = csv.DictWriter(text, [*columns, *last], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+        return text.getvalue()
+
+
+def folders(config_dirs: Sequence[Path]) -> list[str]:
+    return [f"--config-dir={folder}" for folder in config_dirs]
 
 
 def split(overrides: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -149,23 +209,3 @@ def _cached(config: Config, overrides: Sequence[str]) -> Outcome | None:
     return Outcome(
         job_name(overrides), CACHED, str(counts), result.run_key, round(time.monotonic() - started, 3), metrics=dict(result.metrics)
     )
-
-
-def table_text(outcomes: Iterable[Outcome]) -> str:
-    lines = []
-    for outcome in sorted(outcomes, key=lambda o: STATUSES.index(o.status)):
-        log = f"; log {outcome.log}" if outcome.log and not outcome.finished else ""
-        lines.append(f"{status_line(outcome)}{log}")
-    return "\n".join(lines)
-
-
-def table_csv(outcomes: Iterable[Outcome]) -> str:
-    """Format the jobs of a sweep as CSV with the columns job, status, run_key, one column per metric, line, log and seconds."""
-    rows = list(outcomes)
-    metrics = sorted({name for row in rows for name in row.metrics})
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["job", "status", "run_key", *metrics, "line", "log", "seconds"])
-    for row in rows:
-        writer.writerow([row.job, row.status, row.run_key, *(row.metrics.get(m, "") for m in metrics), row.line, row.log, row.seconds])
-    return text.getvalue()

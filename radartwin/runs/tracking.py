@@ -8,7 +8,6 @@ short time: once to create the run, and once to end it with all metrics, tags an
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import logging
 import os
 import re
@@ -65,6 +64,11 @@ class Tracker:
         return (self._database.absolute().parent / ARTIFACTS).as_uri() if self._database else None
 
     @property
+    def exists(self) -> bool:
+        """Return whether there is a database of runs, or a server."""
+        return self._database is None or self._database.is_file()
+
+    @property
     def _lock(self) -> Path:
         assert self._database is not None
         return self._database.with_name(f".{self._database.name}.lock")
@@ -107,7 +111,7 @@ class Tracker:
             with artifacts.machine(record.run_id, self.uri) as samples:
                 yield record
         except BaseException as raised:
-            status, error = "KILLED" if isinstance(raised, KeyboardInterrupt) else "FAILED", hidden(str(raised))[:500]
+            status, error = "KILLED" if isinstance(raised, KeyboardInterrupt | SystemExit) else "FAILED", hidden(str(raised))[:500]
             raise
         finally:
             ended = began + int((time.monotonic() - clock) * 1000)  # the monotonic clock is not affected if the system time is changed
@@ -116,11 +120,10 @@ class Tracker:
             except (BackendError, OutputError) as lost:
                 warnings.warn(f"run {key[:8]} is not complete in MLflow: {lost}; its result is kept", stacklevel=1)
 
-    def sweep(self, table: str, name: str) -> str | None:
+    def sweep(self, table: str, name: str, sweep_key: str) -> str | None:
         """Open the parent run of a sweep in MLflow and return its id; None if tracking is off. A resumed sweep continues its parent run."""
         if self.off:
             return None
-        sweep_key = hashlib.sha256(f"{table} {name}".encode()).hexdigest()[:32]
         with self._visit() as client:
             experiment_id = self._experiment(client, table)
             before = client.search_runs([experiment_id], filter_string=f"tags.`sweep_key` = '{sweep_key}'", max_results=1)
@@ -173,6 +176,8 @@ class Tracker:
 
                 client = MlflowClient(tracking_uri=self.uri)
                 client.search_experiments(max_results=1)  # the first query creates the tables of an SQLite database
+                if self._database and self.artifacts:
+                    _move_artifacts(self._database, self.artifacts)
             self._client = client
         return self._client
 
@@ -197,8 +202,6 @@ class Tracker:
                     client.log_artifacts(record.run_id, str(path), path.name)
                 else:
                     client.log_artifact(record.run_id, str(path))
-            if record.rows:
-                artifacts.log_table(client, record.run_id, record.rows)
         with self._visit() as client:
             client.log_batch(
                 record.run_id,
@@ -244,6 +247,19 @@ def _check_database(path: Path) -> None:
             connection.execute("SELECT count(*) FROM sqlite_master").fetchall()
     except sqlite3.Error as error:
         raise _unusable(path, "it is not a file" if path.is_dir() else _one_line(error)) from error
+
+
+def _move_artifacts(database: Path, artifacts: str) -> None:
+    """Replace the locations of artifacts in a copied or moved output folder, because MLflow stores absolute locations. The caller holds the
+    lock of the database.
+    """
+    here = f"{artifacts}/"
+    elsewhere = f"artifact_location LIKE 'file:%/{ARTIFACTS}/' || name AND artifact_location != ? || name"
+    with contextlib.closing(sqlite3.connect(database, timeout=30)) as connection, connection:
+        for number, name in connection.execute(f"SELECT experiment_id, name FROM experiments WHERE {elsewhere}", (here,)).fetchall():
+            connection.execute("UPDATE experiments SET artifact_location = ? WHERE experiment_id = ?", (here + name, number))
+            place = f"{here}{name}/"
+            connection.execute("UPDATE runs SET artifact_uri = ? || run_uuid || '/artifacts' WHERE experiment_id = ?", (place, number))
 
 
 @contextlib.contextmanager

@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from typing import Any
 
-from radartwin.compiled import cores
-from radartwin.errors import BackendError
+from radartwin.compiled import cores, sharers
+from radartwin.errors import CrashError
 from radartwin.io import memory
 from radartwin.io.process_pool import BrokenProcessPool, ProcessPool, in_worker
 from radartwin.store import products
@@ -35,7 +35,7 @@ def worker_count(jobs: int, items: int) -> int:
     if items < FEWEST_ITEMS or in_worker():
         return 1
     idle_bytes = sum(memory.resident_bytes(pid) for pid in _pool.pids) if _pool else 0.0
-    fit = max(1, int((memory.free_bytes() + idle_bytes) / BYTES_PER_WORKER))
+    fit = max(1, int((memory.free_bytes() / sharers() + idle_bytes) / BYTES_PER_WORKER))
     return min(jobs or min(cores(), fit), -(-items // 2))
 
 
@@ -61,7 +61,7 @@ def each(function: Callable[..., Any], items: Sequence[tuple[Any, ...]], jobs: i
         jobs: configured number of workers, see `worker_count`.
         done: function that is called after each finished item.
     Raises:
-        UserError, BackendError: for the same reasons as in the function `run`.
+        UserError, CrashError: for the same reasons as in the function `run`.
     """
     count = worker_count(jobs, len(items))
     if count == 1:
@@ -103,7 +103,7 @@ def run(
         fresh: True starts new workers. Run-time measurements need new workers, because earlier work in a worker makes later work faster.
     Raises:
         UserError: raised by the function.
-        BackendError: a worker died or ran out of memory. Any other error is a programming error and carries the worker's traceback.
+        CrashError: a worker died or ran out of memory. Any other error is a programming error and carries the worker's traceback.
     """
     pool = _pool_of(count, fresh)
     running: dict[Future[Any], int] = {}
@@ -132,8 +132,8 @@ def run(
         raise
 
 
-def _failed(reason: str) -> BackendError:
-    return BackendError(
+def _failed(reason: str) -> CrashError:
+    return CrashError(
         f"a worker process {reason}. Finished recordings and tables are kept, and the same command computes the rest; "
         "jobs=1 needs the least memory"
     )

@@ -12,7 +12,8 @@ from radartwin.io import files
 from radartwin.store.products import KEY_LENGTH, META
 
 CACHE = "cache"  # subfolder of the output folder; RadarTwin can compute again everything that it wrote into this subfolder
-_PRODUCT = re.compile(rf"[0-9a-f]{{{KEY_LENGTH}}}({re.escape(files.TEMPORARY)})?")
+_PRODUCT = re.compile(rf"[0-9a-f]{{{KEY_LENGTH}}}")
+_UNFINISHED = re.compile(rf"\.?[0-9a-f]{{{KEY_LENGTH}}}(\.radartwin-.+)?{re.escape(files.TEMPORARY)}")  # version 1.0 wrote KEY.tmp
 _ARRAYS = re.compile(r"[0-9a-f]{64}\.npz")  # file of radartwin/store/array_cache.py, whose key is the whole digest
 
 
@@ -43,10 +44,10 @@ def clean(output: Path, cache: bool) -> int:
         print(f"clean: {total} in {folder}; radartwin clean --cache deletes them, and the next run computes them again")
         return 0
     stored = _stored(output)
-    for path in (path for paths in stored.values() for path in paths if path.suffix == files.TEMPORARY):
-        files.drop_stale(path / files.LOCK)
-        if (path / files.LOCK).exists():
-            raise OutputError(f"{path}: a running process computes this result; end the process, then try again")
+    for lock in (lock for kind in stored for lock in (folder / kind).glob(f".{'[0-9a-f]' * KEY_LENGTH}.lock")):
+        files.drop_stale(lock)
+        if lock.exists():
+            raise OutputError(f"{lock}: a running process computes this result; end the process, then try again")
     for kind, paths in stored.items():
         try:
             for path in paths:
@@ -72,6 +73,6 @@ def _stored(output: Path) -> dict[str, list[Path]]:
 def _is_stored(path: Path) -> bool:
     if path.is_symlink():
         return False
-    if found := _PRODUCT.fullmatch(path.name):
-        return path.is_dir() and (found[1] is not None or (path / META).is_file())
-    return _ARRAYS.fullmatch(path.name) is not None and path.is_file()
+    if path.is_dir():
+        return _UNFINISHED.fullmatch(path.name) is not None or (_PRODUCT.fullmatch(path.name) is not None and (path / META).is_file())
+    return _ARRAYS.fullmatch(path.name) is not None

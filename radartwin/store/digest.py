@@ -3,9 +3,8 @@ digests.
 
 The key of a stored result must change whenever the result could change. The digest of source code covers whole packages: every package with
 a module that the computation imports, directly or indirectly. In this module, a package is a folder two levels deep, such as
-radartwin.simulation; a file in radartwin/ itself counts as its own package. Comments, docstrings, code formatting, imports for type
-checkers and the texts of raised exceptions do not change the digest of source code. The versions of the installed packages in NUMERICAL
-change the digest.
+radartwin.simulation; a file in radartwin/ itself counts as its own package. Comments, docstrings, code formatting and imports for type
+checkers do not change the digest of source code. The versions of the installed packages in NUMERICAL change the digest.
 """
 
 from __future__ import annotations
@@ -15,13 +14,14 @@ import dataclasses
 import functools
 import gc
 import hashlib
+import importlib
 import importlib.metadata
 import importlib.util
 import json
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from radartwin.errors import ConfigError, MissingError
 
@@ -127,7 +127,7 @@ def _source_digest(entries: tuple[str, ...]) -> str:
             raise ConfigError(f"there is no module or package '{entry}'")
     packages = {".".join(name.split(".")[:2]) for name in import_closure(entries)}
     modules = sorted({name for package in packages for name in _members(package)})
-    parts = [f"{name} {_parsed(name).digest}\n" for name in modules]
+    parts = [f"{name} {_parsed(name)[1]}\n" for name in modules]
     parts += [_data_digest(package) for package in sorted(packages)]
     parts += [f"{name} {_version(name)}\n" for name in NUMERICAL]
     return hashlib.sha256("".join(parts).encode()).hexdigest()
@@ -179,6 +179,7 @@ NUMERICAL = (
     "scipy", "shapely", "sionna-rt", "torch", "trimesh",
 )  # fmt: skip
 _tops = {"radartwin", "experiments"}
+_HOMES: dict[str, str] = importlib.import_module("radartwin")._HOMES  # by name, so that this module imports no module above it
 
 
 def _members(name: str) -> list[str]:
@@ -194,18 +195,20 @@ def _members(name: str) -> list[str]:
 
 @functools.cache
 def _imports(name: str) -> frozenset[str]:
-    package = name if _source(name) == _init(name) else name.rpartition(".")[0]
-    found: set[str] = set()
-    for node in _parsed(name).imports:
-        if isinstance(node, ast.Import):
-            for alias in node.names:
-                found |= {alias.name, *_lazy(alias.name).values()}
-        else:
+    """Return the modules that a module imports, also inside functions, but not those that it imports only for a type checker."""
+    path = _source(name)
+    assert path is not None
+    package = name if path.name == "__init__.py" else name.rpartition(".")[0]
+    imported: set[str] = set()
+    for node in _parsed(name)[0]:
+        names = {alias.name for alias in node.names}
+        if isinstance(node, ast.ImportFrom):
             base = importlib.util.resolve_name("." * node.level + (node.module or ""), package)
-            for alias in node.names:
-                submodule = f"{base}.{alias.name}"
-                found |= {base, submodule if _source(submodule) else _lazy(base).get(alias.name, base)}
-    return _with_parents(found) - {name}
+            names = {base, *(f"{base}.{each}" for each in names)}
+        for each in names:  # `radartwin` imports the modules of its public names on first use
+            lazy = _HOMES.values() if isinstance(node, ast.Import) and each == "radartwin" else ()
+            imported |= {_HOMES.get(each.removeprefix("radartwin."), each), each, *lazy}
+    return _with_parents(imported) - {name}
 
 
 def _with_parents(names: Iterable[str]) -> frozenset[str]:
@@ -216,51 +219,24 @@ def _with_parents(names: Iterable[str]) -> frozenset[str]:
     return frozenset(name for name in parents if _source(name))
 
 
-class _Parsed(NamedTuple):
-    """Hold the import statements of a module and the digest of the module's code."""
-
-    imports: list[ast.Import | ast.ImportFrom]
-    digest: str
-
-
 @functools.cache
-def _parsed(name: str) -> _Parsed:
+def _parsed(name: str) -> tuple[list[ast.Import | ast.ImportFrom], str]:
+    """Return the import statements of a module and the digest of its code, without docstrings and blocks that only a type checker reads."""
     path, collecting = _source(name), gc.isenabled()
     assert path is not None
     gc.disable()  # a syntax tree has no reference cycles, and the search for cycles would take most of the time
     try:
         tree = ast.parse(path.read_text(encoding="utf-8"))
-        statements = list(_statements([tree]))
-        for node in statements:
+        for node in ast.walk(tree):
             if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) and ast.get_docstring(node) is not None:
-                node.body[0] = ast.Pass()
-            elif _for_type_checkers(node):
+                node.body = node.body[1:] or [ast.Pass()]
+            elif isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
                 node.body = [ast.Pass()]
-            elif isinstance(node, ast.Raise):
-                _NoTexts().visit(node)
-        imports = [node for node in statements if isinstance(node, ast.Import | ast.ImportFrom)]
-        return _Parsed(imports, hashlib.sha256(ast.dump(tree).encode()).hexdigest())
+        imports = [node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]
+        return imports, hashlib.sha256(ast.dump(tree).encode()).hexdigest()
     finally:
         if collecting:
             gc.enable()
-
-
-class _NoTexts(ast.NodeTransformer):
-    """Replace the texts in a statement by empty texts."""
-
-    def visit_Constant(self, node: ast.Constant) -> ast.Constant:
-        return ast.Constant("") if isinstance(node.value, str) else node
-
-    def visit_JoinedStr(self, node: ast.JoinedStr) -> ast.Constant:
-        return ast.Constant("")
-
-
-def _statements(nodes: Iterable[Any]) -> Iterator[Any]:
-    """Yield the syntax tree nodes and all statements inside them, except blocks that only a type checker reads."""
-    for node in nodes:
-        yield node
-        for block in ("orelse",) if _for_type_checkers(node) else ("body", "orelse", "finalbody", "handlers", "cases"):
-            yield from _statements(getattr(node, block, ()))
 
 
 @functools.cache
@@ -269,24 +245,6 @@ def _version(package: str) -> str:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:
         return "absent"
-
-
-def _for_type_checkers(node: Any) -> bool:
-    return isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING")
-
-
-def _lazy(package: str) -> dict[str, str]:
-    """Return {name: module} for the names that a package imports on first use, from the dictionary in its __init__.py."""
-    path = _source(package)
-    if path is None or path != _init(package):
-        return {}
-    found: dict[str, str] = {}
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Dict):
-            for key, value in zip(node.keys, node.values, strict=True):
-                if isinstance(key, ast.Constant) and isinstance(value, ast.Constant) and _source(str(value.value)):
-                    found[str(key.value)] = str(value.value)
-    return found
 
 
 @functools.cache
@@ -298,11 +256,6 @@ def _source(name: str) -> Path | None:
     if location is None:
         return None
     return next((file for file in (location.with_name(f"{location.name}.py"), location / "__init__.py") if file.is_file()), None)
-
-
-def _init(name: str) -> Path | None:
-    location = _location(name)
-    return location / "__init__.py" if location else None
 
 
 def _location(name: str) -> Path | None:

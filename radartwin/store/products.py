@@ -1,7 +1,8 @@
 """The store of computed results. A stored result (a product) is a folder that is named by its key and is never incomplete.
 
     output/cache/KIND/KEY/          the product: the files that `build` wrote, and meta.json
-    output/cache/KIND/KEY.tmp/      a product under construction, with a lock; the next `Store` removes folders that killed processes left
+    output/cache/KIND/.KEY.lock     locked by the process that computes the product
+    output/cache/KIND/.KEY.*.tmp/   a product under construction; the next `Store` removes folders that killed processes left
 
 The key is a digest of the specification of the result, of the content of its input files, and of the source code of the packages that
 compute it (radartwin/store/digest.py). The store computes a product again only if the product's files no longer have the sizes and SHA-256
@@ -15,8 +16,6 @@ import errno
 import hashlib
 import json
 import os
-import re
-import shutil
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -127,9 +126,10 @@ class Store:
         self.root = files.make_folder(Path(root).absolute())
         self._say = say
         self._verified: set[Path] = set()
-        for work in sorted(self.root.glob(f"*/*{files.TEMPORARY}")):
-            if re.fullmatch(rf"[0-9a-f]{{{KEY_LENGTH}}}", work.name.removesuffix(files.TEMPORARY)) and work.is_dir():
-                files.drop_abandoned(work)
+        for kind in sorted(path for path in self.root.iterdir() if path.is_dir()):
+            files.sweep(kind)
+            for lock in kind.glob(f".{'[0-9a-f]' * KEY_LENGTH}.lock"):
+                files.drop_stale(lock)
 
     def key(self, kind: str, spec: Mapping[str, Any], entries: Iterable[str]) -> str:
         """Return the key of a stored result; `fetch` describes the arguments."""
@@ -161,20 +161,17 @@ class Store:
         return self._complete(self.root / kind / self.key(kind, spec, entries))
 
     def _fetch(self, kind: str, key: str, build: Callable[[Path], object], described: dict[str, Any]) -> Product:
-        final, work = self.root / kind / key, self.root / kind / f"{key}{files.TEMPORARY}"
+        final = self.root / kind / key
         if self._complete(final):
             return Product(final, key, reused=True)
-        try:
-            with files.lock(work / files.LOCK, lambda: self._say(f"waiting for another process to finish {kind} {key[:SHORT]}")):
-                if self._complete(final):
-                    return Product(final, key, reused=True)
-                if os.path.lexists(final):
-                    self._say(f"{kind} {key[:SHORT]} in the cache is damaged (a file has changed); computing it again")
-                    shutil.rmtree(final) if final.is_dir() and not final.is_symlink() else final.unlink()
-                _build(build, work / "product", final, {"kind": kind, "key": key, **described})
-        finally:
-            with contextlib.suppress(OSError):  # another process may wait for the lock in this folder; the last process removes the folder
-                work.rmdir()
+        with files.lock(lock_file(final), lambda: self._say(f"waiting for another process to finish {kind} {key[:SHORT]}")):
+            if self._complete(final):
+                return Product(final, key, reused=True)
+            if os.path.lexists(final):
+                self._say(f"{kind} {key[:SHORT]} in the cache is damaged (a file has changed); computing it again")
+            for path in (final, *final.parent.glob(f".{key}.*{files.TEMPORARY}")):  # who left an unfinished folder has lost the lock
+                files.remove(path)
+            _build(build, files.unfinished(final), final, {"kind": kind, "key": key, **described})
         return Product(final, key, reused=False)
 
     def _complete(self, product: Path) -> bool:
@@ -187,8 +184,12 @@ class Store:
         return complete
 
 
+def lock_file(product: Path) -> Path:
+    """Return the file that the process which computes a stored result locks."""
+    return product.with_name(f".{product.name}.lock")
+
+
 def _build(build: Callable[[Path], object], folder: Path, final: Path, described: dict[str, Any]) -> None:
-    shutil.rmtree(folder, ignore_errors=True)  # a killed process left this folder
     folder.mkdir()
     try:
         started, worked = time.monotonic(), time.process_time()
@@ -208,7 +209,7 @@ def _build(build: Callable[[Path], object], folder: Path, final: Path, described
         folder.rename(final)
         files.sync(final.parent, deep=False)
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
+        files.remove(folder)
 
 
 def _sizes(folder: Path) -> dict[str, int]:

@@ -40,6 +40,8 @@ MISTAKES = {
     "server option without a server": (["label", "scene", "--concurrency", "8"], "--concurrency applies only to --provider server"),
     "address without a server": (["label", "scene", "--url", "http://127.0.0.1:9/v1"], "--url applies only to --provider server"),
     "provider of exported questions": (["label", "scene", "--export", "q", "--provider", "server"], "leave --provider out"),
+    "dashboard of an absent folder": (["dashboard", "--output", "nowhere"], "nowhere"),
+    "configuration of a sweep": (["run", "experiment=environment", "-m", "--cfg", "job"], "leave -m out"),
     "port above 65535": (["dashboard", "--port", "70000"], "70000"),
     "port that is no number": (["dashboard", "--port", "http"], "http"),
     "word for a number": (["simulate", "scene=plate", "radar.num_chirps=x"], "radar.num_chirps"),
@@ -115,7 +117,7 @@ def test_interruption_prints_whether_the_same_command_resumes(verb: str, words: 
 
     monkeypatch.setattr(verbs, verb, interrupted)
     done = inside(verb, "scan.ply", *(["--out", "out"] if verb == "reconstruct" else []))
-    assert done.returncode == 1
+    assert done.returncode == 130
     assert words in done.stderr
 
 

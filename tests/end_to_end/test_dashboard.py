@@ -146,7 +146,7 @@ def sweep(tmp_path_factory: pytest.TempPathFactory, figures: Path) -> tuple[Path
     """Return an output folder with a sweep of three runs, the id of the sweep's parent run, and the ids of the three runs."""
     output = tmp_path_factory.mktemp("output")
     tracker = Tracker(TrackingConfig(), output)
-    parent = tracker.sweep("environment", f"materials={','.join(MATERIALS)}")
+    parent = tracker.sweep("environment", f"materials={','.join(MATERIALS)}", "1" * 32)
     assert parent is not None
     table = figures.parent / "jobs.csv"
     table.write_text("job,status\nmaterials=void,done\n")

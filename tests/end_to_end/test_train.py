@@ -158,7 +158,7 @@ def test_an_interrupted_training_resumes(tmp_path: Path, inside, monkeypatch: py
     with monkeypatch.context() as patched:
         patched.setattr(revolutions, "compute", interrupted)
         done = inside(*words)
-    assert done.returncode == 1
+    assert done.returncode == 130
     assert "resumes where it stopped" in done.stderr
     assert not (tmp_path / "model").exists()
     done = inside(*words)

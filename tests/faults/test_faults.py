@@ -66,7 +66,7 @@ def test_a_job_whose_worker_is_killed_fails_alone_with_a_message(study: Study) -
     code, said, complained = study.run(*joblib)
     assert code == 1, complained
     assert "sweep: 3 done, 0 cached, 1 failed" in said
-    assert "its process was killed 3 times (memory ran out, or another program ended it)" in said
+    assert "its process was killed twice (memory ran out, or another program ended it)" in said
     (study.folder / "KILL_1").unlink()
     code, said, complained = study.run(*joblib)
     assert code == 0, complained
@@ -117,9 +117,8 @@ def test_two_concurrent_sweeps_on_one_store_compute_each_run_once(study: Study) 
             said, complained = sweep.communicate(timeout=300)
             assert sweep.returncode == 0, complained
             assert "0 failed" in said
-    tables = own_experiment.tables(study.output)
-    assert len(tables) == 4
-    assert all(own_experiment.same(table) == own_experiment.same(tables[0]) for table in tables)
+    (table,) = own_experiment.tables(study.output)
+    assert [float(row["correlation"]) for row in table] == [seed / 1000 for seed in range(4)]
     assert study.tracked(ONCE_EACH) == [(4, 4)]
     assert study.no_traces()
 
@@ -175,7 +174,7 @@ def test_five_hundred_jobs_and_five_kills_give_the_right_table(study: Study) -> 
     assert code == 0, complained[-2000:]
     assert "0 failed, 0 refused" in said
     table = own_experiment.tables(study.output)[-1]
-    assert [(row["job"], float(row["correlation"])) for row in table] == [(f"seed={n}", n / 1000) for n in range(jobs)]
+    assert [(row["seed"], float(row["correlation"])) for row in table] == [(str(n), n / 1000) for n in range(jobs)]
     assert len({row["run_key"] for row in table}) == jobs
     assert study.tracked(ONCE_EACH) == [(jobs, jobs)]
     assert study.no_traces()

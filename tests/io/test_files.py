@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import threading
 import time
 from pathlib import Path
@@ -82,32 +81,6 @@ def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(files.os, "access", lambda *_: False)  # root may write into every folder
     with pytest.raises(OutputError, match="cannot be written"):
         files.check_folder(tmp_path / "absent")
-
-
-def test_an_abandoned_folder_stays_locked_until_it_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    work = tmp_path / ("a" * 32 + ".tmp")
-    (work / "product").mkdir(parents=True)
-    (work / files.LOCK).touch()
-    emptied, found = threading.Event(), []
-
-    def wait_for_lock() -> None:
-        with files.lock(work / files.LOCK):
-            assert emptied.is_set(), "the lock was released before the folder was empty"
-            (work / "product").mkdir()
-            found.append(sorted(path.name for path in work.iterdir()))
-
-    remove, second = shutil.rmtree, threading.Thread(target=wait_for_lock)
-
-    def slow(path: Path) -> None:
-        second.start()
-        time.sleep(0.2)
-        remove(path)
-        emptied.set()
-
-    monkeypatch.setattr(shutil, "rmtree", slow)
-    files.drop_abandoned(work)
-    second.join(10)
-    assert found == [[files.LOCK, "product"]]
 
 
 def test_a_lock_file_is_removed_after_use_and_a_stale_one_is_dropped(tmp_path: Path) -> None:

@@ -61,9 +61,10 @@ def test_a_worker_is_prepared_and_knows_that_it_is_a_worker() -> None:
     assert pool.submit(os.getenv, "PREPARED").result() == "1"
     assert pool.submit(in_worker).result()
     assert not in_worker()
-    assert pool.pids == {pool.submit(os.getpid).result()}
+    pids = pool.pids
+    assert pids == {pool.submit(os.getpid).result()}
     pool.end()
-    assert not any(map(runs, pool.pids))
+    assert not any(map(runs, pids))
 
 
 def test_workers_that_compute_at_the_same_time_share_the_cores(tmp_path: Path) -> None:

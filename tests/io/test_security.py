@@ -9,7 +9,6 @@ from __future__ import annotations
 import ast
 import hashlib
 import json
-import logging
 import pickle
 import subprocess
 from collections.abc import Callable, Iterator
@@ -32,7 +31,6 @@ from radartwin.recognize.model import Recogniser
 from radartwin.reconstruct.frames.folder import load_own
 from radartwin.reconstruct.frames.formats import load_tum
 from radartwin.runs.experiment import read
-from radartwin.runs.launchers import Launcher
 from radartwin.scene import rooms
 from radartwin.scene.mesh_file import MeshWarning, read_meshes
 from radartwin.scene.scene import Scene
@@ -140,17 +138,18 @@ def test_an_experiment_file_cannot_make_hydra_call_code(node: dict[str, Any], tm
 
 
 @pytest.mark.parametrize("override", ["hydra.launcher._target_=os.system", "+hydra.callbacks.x._target_=radartwinx.run"])
-def test_an_override_cannot_make_hydra_call_code(override: str, tmp_path: Path) -> None:
+def test_an_override_cannot_make_hydra_call_code(override: str) -> None:
     with pytest.raises(ConfigError, match="_target_"):
-        Launcher([override], (), tmp_path)
+        Composer().compose([override])
 
 
-def test_known_launchers_are_accepted(tmp_path: Path) -> None:
-    handlers = list(logging.getLogger().handlers)
-    for launcher in ("basic", "joblib", "slurm", "submitit_local"):
-        Launcher([f"hydra/launcher={launcher}"], (), tmp_path)
-    Launcher(["hydra/job_logging=default", "hydra/hydra_logging=default"], (), tmp_path)
-    assert logging.getLogger().handlers == handlers
+def test_known_launchers_and_their_keys_are_accepted() -> None:
+    keys = ("partition=gpu", "gpus_per_node=1", "mem_gb=32", "cpus_per_task=8", "array_parallelism=8")
+    composer = Composer()
+    assert composer.launching(["hydra/launcher=basic"])[0] == "basic"
+    assert composer.launching(["hydra/launcher=joblib", "hydra.launcher.n_jobs=3"]) == ("joblib", {"n_jobs": 3}, "")
+    slurm = composer.launching(["hydra/launcher=slurm", *(f"hydra.launcher.{key}" for key in keys)])[1]
+    assert (slurm["partition"], slurm["gpus_per_node"], slurm["mem_gb"], slurm["timeout_min"]) == ("gpu", 1, 32, 240)
 
 
 # --- files elsewhere ----------------------------------------------------------------------------------------------------

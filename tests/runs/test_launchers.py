@@ -1,56 +1,43 @@
-"""A job that no launcher could finish fails with a reason that names the cause."""
+"""A job whose process is killed runs again alone, and all other jobs keep their results."""
 
 from __future__ import annotations
 
-import pickle
-from collections.abc import Sequence
-from concurrent.futures.process import BrokenProcessPool
+import os
+import signal
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
-from radartwin.runs.job import FAILED, STARTED, Outcome
-from radartwin.runs.launchers import Launcher
-
-KILLED = "its process was killed 3 times (memory ran out, or another program ended it)"
-
-
-@pytest.mark.parametrize(
-    ("error", "reason"),
-    [
-        (None, KILLED),
-        (BrokenProcessPool("A worker process was unexpectedly terminated."), KILLED),
-        (
-            BrokenProcessPool("A task has failed to un-serialize."),
-            "the launcher failed 3 times: BrokenProcessPool: A task has failed to un-",
-        ),
-        (pickle.PicklingError("cannot pickle\nthe hook"), "the launcher failed 3 times: PicklingError: cannot pickle the hook"),
-    ],
-)
-def test_a_job_that_no_launch_finishes_fails_with_the_cause(error: Exception | None, reason: str, tmp_path: Path) -> None:
-    said: list[str] = []
-    launcher = Launcher([], (), tmp_path, said.append)
-
-    def launch(jobs: Sequence[Sequence[str]], initial_job_idx: int) -> None:
-        (tmp_path / "0" / STARTED).touch()
-        if error:
-            raise error
-
-    launcher._plugin = SimpleNamespace(launch=launch)
-    launcher.run({0: ["seed=0"]}, 1)
-    outcome = Outcome.read(tmp_path / "0")
-    assert outcome
-    assert outcome.status == FAILED
-    assert outcome.line.startswith(reason)
-    assert len(said) == 1
+from radartwin.config.compose import compose
+from radartwin.errors import ConfigError
+from radartwin.runs import launchers
+from radartwin.runs.job import DONE, FAILED, Job, Outcome
+from radartwin.runs.launchers import KILLED, Parallel
 
 
-def test_an_error_before_any_job_starts_is_raised(tmp_path: Path) -> None:
-    def launch(jobs: Sequence[Sequence[str]], initial_job_idx: int) -> None:
-        raise pickle.PicklingError("cannot pickle the hook")
+def run_or_die(job: Job) -> Outcome:
+    """End the process of job 1 at each try, and of job 2 at the first try."""
+    tries = job.folder / "tries"
+    before = len(tries.read_text()) if tries.exists() else 0
+    tries.write_text("x" * (before + 1))
+    if job.folder.name == "1" or (job.folder.name == "2" and not before):
+        os.kill(os.getpid(), signal.SIGKILL)
+    return Outcome(job.name, DONE)
 
-    launcher = Launcher([], (), tmp_path)
-    launcher._plugin = SimpleNamespace(launch=launch)
-    with pytest.raises(pickle.PicklingError):
-        launcher.run({0: ["seed=0"]}, 1)
+
+def test_a_killed_job_runs_once_more_and_the_other_jobs_run_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(launchers, "run", run_or_die)
+    jobs = [Job([f"seed={number}"], compose(), tmp_path / str(number)) for number in range(4)]
+    for job in jobs:
+        job.folder.mkdir()
+    outcomes: dict[str, Outcome] = {}
+    Parallel(2).run(jobs, lambda job, outcome: outcomes.update({job.folder.name: outcome}))
+    assert {number: outcome.status for number, outcome in outcomes.items()} == {"0": DONE, "1": FAILED, "2": DONE, "3": DONE}
+    assert outcomes["1"].line == KILLED
+    assert Outcome.read(tmp_path / "1") == outcomes["1"]
+    assert [len((job.folder / "tries").read_text()) for job in jobs] == [1, 2, 2, 1]
+
+
+def test_no_process_at_all_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"hydra\.launcher\.n_jobs=0"):
+        Parallel(0)

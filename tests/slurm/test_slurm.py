@@ -68,7 +68,7 @@ def test_a_sweep_loses_only_the_cancelled_job_and_resumes_to_the_serial_table(en
     said, complained = second.communicate(timeout=300)
     assert second.returncode == 0, complained
     assert "sweep: 1 done, 4 cached, 0 failed" in said
-    (expected,), (_, resumed) = own_experiment.tables(tmp_path / "serial"), own_experiment.tables(tmp_path / "cluster")
+    (expected,), (resumed,) = own_experiment.tables(tmp_path / "serial"), own_experiment.tables(tmp_path / "cluster")
     assert own_experiment.same(resumed) == own_experiment.same(expected)
     assert queue(environment) == {}
 

@@ -53,7 +53,7 @@ def test_an_output_folder_without_a_cache_is_fine_and_an_absent_one_is_refused(t
 def test_only_stored_results_are_deleted(output: Path) -> None:
     cache = output / "cache"
     foreign = ["photos/a.jpg", "clean/notes.txt", f"clean/{'a' * 32}/a.txt", "clean/sub/meta.json", "paths/a.npz", f"paths/{'b' * 32}"]
-    mine = [f"clean/{'c' * 32}.tmp/lock", f"paths/{'d' * 64}.npz"]
+    mine = [f"clean/{'c' * 32}.tmp/lock", f"clean/.{'c' * 32}.radartwin-here-1.tmp/half", f"paths/{'d' * 64}.npz"]
     for name in (*foreign, *mine):
         (cache / name).parent.mkdir(parents=True, exist_ok=True)
         (cache / name).write_text("x")
@@ -66,11 +66,10 @@ def test_only_stored_results_are_deleted(output: Path) -> None:
 
 
 def test_nothing_is_deleted_while_a_process_computes_a_result(output: Path, inside) -> None:
-    work = output / "cache" / "scan" / f"{'a' * 32}.tmp"
-    work.mkdir()
-    with files.lock(work / "lock"):
+    lock = output / "cache" / "scan" / f".{'a' * 32}.lock"
+    with files.lock(lock):
         before = sorted(output.rglob("*"))
         done = inside("clean", "--cache", "--output", output)
         assert done.returncode == 2
-        assert done.stderr == f"radartwin: {work}: a running process computes this result; end the process, then try again\n"
+        assert done.stderr == f"radartwin: {lock}: a running process computes this result; end the process, then try again\n"
         assert sorted(output.rglob("*")) == before

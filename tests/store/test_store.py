@@ -196,11 +196,12 @@ def test_a_file_folder_or_link_in_place_of_a_product_is_replaced(tmp_path: Path)
 def test_dates_of_files_do_not_matter(tmp_path: Path) -> None:
     """The store must not compare file dates, because dates are wrong after a clock error or after a plain copy of the folder."""
     Store(tmp_path).fetch("recording", {}, ROOTS, one)
-    abandoned = tmp_path / "recording" / ("a" * 32 + ".tmp")
-    (abandoned / "product").mkdir(parents=True)
-    (abandoned / files.LOCK).touch()
     dead = subprocess.Popen([sys.executable, "-c", ""])
     dead.wait()
+    abandoned = tmp_path / "recording" / f".{'a' * 32}.radartwin-{socket.gethostname()}-{dead.pid}.tmp"
+    (abandoned / "arrays").mkdir(parents=True)
+    lock = tmp_path / "recording" / f".{'a' * 32}.lock"
+    lock.touch()
     left = tmp_path / f".table.csv.radartwin-{dead.pid}.tmp"
     left.touch()
     for path in tmp_path.rglob("*"):
@@ -208,4 +209,5 @@ def test_dates_of_files_do_not_matter(tmp_path: Path) -> None:
     files.sweep(tmp_path)
     assert Store(tmp_path).fetch("recording", {}, ROOTS, one).reused
     assert not abandoned.exists()
+    assert not lock.exists()
     assert not left.exists()
