@@ -16,7 +16,8 @@ import numpy as np
 from experiments import statistics
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.campaign import joined as joined_tasks
-from experiments.campaign.cases import Case, draws
+from experiments.campaign.cases import MEASURED, ROVER, Case, draws
+from experiments.campaign.frame import Frame, shared, stored
 from experiments.campaign.schedule import RecordingTask
 from experiments.claims import Claim, Row
 from radartwin.config.config import Config
@@ -50,14 +51,17 @@ def beside_unknown(config: Config, scored_of: Callable[[Config], Result]) -> Res
         scored_of: function that returns the result of the table for a configuration.
     """
     result = scored_of(config)
-    ours = {(row["metric"], *row.case.items()): row["value"] for row in result.rows if isinstance(row, Row)}
-
-    def changed(row: Row) -> bool:
-        return row["value"] != ours.get((row["metric"], *row.case.items()))  # rows that use only measurements do not change
-
     for other in unknown_contents(config):
-        result = _beside(result, scored_of(other), {"twin": UNKNOWN}, changed)
+        result = _beside(result, scored_of(other), {"twin": UNKNOWN}, changed_from(result.rows))
     return result
+
+
+def changed_from(rows: Sequence[Mapping[str, Any]]) -> Callable[[Row], bool]:
+    """Return a function that tells whether the value of a row differs from that of the same row in `rows`. Rows that use only measurements
+    do not differ.
+    """
+    ours = {(row["metric"], *row.case.items()): row["value"] for row in rows if isinstance(row, Row)}
+    return lambda row: row["value"] != ours.get((row["metric"], *row.case.items()))
 
 
 def unknown_contents(config: Config) -> list[Config]:
@@ -92,6 +96,24 @@ def exact_objects(config: Config) -> list[Config]:
     return [replace(config, measured=replace(config.measured, gap=gap, draw=numbers(config)[0]))]
 
 
+def frame(config: Config, store: Store, progress: Progress, motions: Sequence[str], unknown: bool = False) -> Frame:
+    """Return the frame of all draws that a table reads. With `unknown`, the frame also has the simulation of `unknown_contents`."""
+    import pandas as pd
+
+    read = []
+    for twin, own in [("", config), *((UNKNOWN, other) for other in unknown_contents(config) if unknown)]:
+        campaign = whole_campaign(own, store, progress, motions[0] in ROVER)
+        wanted = [(domain, case) for domain, case in shared(campaign, motions) if domain != MEASURED or not twin]
+        read.append(stored(campaign, wanted, progress).assign(twin=twin))
+    return pd.concat(read, ignore_index=True)
+
+
+def whole_campaign(config: Config, store: Store, progress: Progress, rover: bool = False) -> Campaign:
+    """Return the campaign of all draws that a table reads."""
+    read = numbers(config, rover)
+    return Campaign(config, store, progress, read[0] if len(read) == 1 else None)
+
+
 def recordings(
     configs: Iterable[Config],
     wanted: Callable[[Campaign], Iterable[tuple[str, Case]]],
@@ -105,23 +127,24 @@ def recordings(
         wanted: function that returns the (domain, case) pairs that the table reads from a campaign with these draws.
         rover: that of `scored`.
     """
-    found = []
-    for one in configs:
-        read = numbers(one, rover)
-        campaign = Campaign(one, store, progress, read[0] if len(read) == 1 else None)
-        found.append(campaign.missing(wanted(campaign)))
-    return joined_tasks(found)
+    campaigns = [whole_campaign(one, store, progress, rover) for one in configs]
+    return joined_tasks([campaign.missing(wanted(campaign)) for campaign in campaigns])
 
 
 def _beside(result: Result, other: Result, column: Mapping[str, str], kept: Callable[[Row], bool]) -> Result:
-    """Return `result` with those rows of `other` that `kept` chooses. The added rows get the entries of `column` and lose their claims."""
-    rows = list(result.rows)
-    for row in other.rows:
-        assert isinstance(row, Row), f"a row of {other.table} is no Row"
-        if kept(row):
-            rows.append(replace(row, case={**row.case, **column}, claim=Claim(paper=row.claim.paper)))
-            rows[-1]["draws"] = row.get("draws")
+    rows = [*result.rows, *beside(other.rows, column, kept)]
     return replace(result, rows=rows, keys=sorted({*result.keys, *other.keys}))
+
+
+def beside(rows: Sequence[Mapping[str, Any]], column: Mapping[str, str], kept: Callable[[Row], bool]) -> list[Row]:
+    """Return those rows that `kept` chooses, with the entries of `column` and without their claims."""
+    found = []
+    for row in rows:
+        assert isinstance(row, Row), f"{row['metric']} is no Row"
+        if kept(row):
+            found.append(replace(row, case={**row.case, **column}, claim=Claim(paper=row.claim.paper)))
+            found[-1]["draws"] = row.get("draws")
+    return found
 
 
 def numbers(config: Config, rover: bool = False) -> list[int]:
@@ -138,24 +161,30 @@ def numbers(config: Config, rover: bool = False) -> list[int]:
 
 
 def joined(results: Sequence[Result]) -> Result:
-    """Join the results of several draws of one table. The figures and models are those of the first draw.
-
-    A row of the joined result is the mean over the draws that have this row (column draws; see statistics.over_draws). Bounds of a claim
-    that depend on the draw are averaged.
-    """
+    """Join the results of several draws of one table. The figures and models are those of the first draw."""
     first = results[0]
-    found: dict[tuple[Any, ...], list[Row]] = {}
-    for result in results:
-        for row in result.rows:
-            assert isinstance(row, Row), f"a row of {result.table} is no Row"
-            fixed = ((name, value) for name, value in row.case.items() if name not in (*AVERAGED, *SUMMED))
-            found.setdefault((row.metric, *fixed), []).append(row)
-    rows = [_joined(some) for some in found.values()]
-    for row, some in zip(rows, found.values(), strict=True):
-        row["draws"] = len(some)
+    rows = joined_rows([result.rows for result in results])
     metrics = {name: float(np.mean([one.metrics[name] for one in results if name in one.metrics])) for name in first.metrics}
     keys = sorted({key for one in results for key in one.keys})
     return Result(first.table, list(rows), first.figures, metrics, keys, models=first.models)
+
+
+def joined_rows(draws: Iterable[Iterable[Mapping[str, Any]]]) -> list[Row]:
+    """Join the rows of several draws of one table.
+
+    A joined row is the mean over the draws that have this row (column draws; see statistics.over_draws). Bounds of a claim that depend on
+    the draw are averaged.
+    """
+    found: dict[tuple[Any, ...], list[Row]] = {}
+    for rows in draws:
+        for row in rows:
+            assert isinstance(row, Row), f"{row['metric']} is no Row"
+            fixed = ((name, value) for name, value in row.case.items() if name not in (*AVERAGED, *SUMMED))
+            found.setdefault((row.metric, *fixed), []).append(row)
+    out = [_joined(some) for some in found.values()]
+    for row, some in zip(out, found.values(), strict=True):
+        row["draws"] = len(some)
+    return out
 
 
 def _joined(rows: Sequence[Row]) -> Row:

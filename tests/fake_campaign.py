@@ -11,11 +11,15 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from experiments.campaign import frame
 from experiments.campaign.cases import REFLECTOR, Case, Motion
+from experiments.campaign.frame import Frame
+from experiments.campaign.source import RecordingSource
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.features.log import Nominal
 from radartwin.features.processed import MAX_RANGE_M, Processed
+from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
 from radartwin.radar.processing import range_axis, velocity_axis
 from radartwin.runs.experiment import Result
@@ -116,6 +120,11 @@ class FakeCampaign:
         floor = np.full(len(self.range_m), noise, np.float32)
         made = Processed(self.radar, self.range_m, power, channels, None, velocity_axis(self.radar, self.radar.num_chirps), floor)
         return spec_digest([domain, case, source, self.signature, self.gap, frames])[:32], made
+
+
+def frame_of(source: RecordingSource, *motions: str) -> Frame:
+    """Read the frame of a campaign, without a store."""
+    return frame.read(source, frame.shared(source, motions or ("turntable",)), Progress(quiet=True))
 
 
 def config(name: str, *overrides: str) -> Config:

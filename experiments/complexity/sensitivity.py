@@ -8,8 +8,9 @@ differ by 1.4 standard deviations. docs/sweeps.md shows how to run the same comp
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ from experiments import statistics
 from experiments.campaign import tally
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import Case
+from experiments.campaign.frame import Frame, shared, stored
 from experiments.claims import row
 from experiments.recognition import corner_reflector_calibration
 from experiments.rover import rover_disentangle, rover_fidelity
@@ -147,19 +149,32 @@ def read(campaign: Campaign, config: Config, progress: Progress) -> Twin:
         values, keys, seconds, setups, frames = zip(*(_one(campaign, case) for case in progress.over(some, motion)), strict=True)
         found.values[motion], found.keys[motion] = np.stack(values), list(keys)
         found.frame_s[motion], found.setups[motion], found.frames[motion] = np.array(seconds), np.array(setups), frames[0]
+    found.figures.update(fidelity(campaign, config, progress))
+    return found
+
+
+def fidelity(campaign: Campaign, config: Config, progress: Progress) -> Iterator[tuple[tuple[str, str], tuple[float, list[str]]]]:
+    """Return ((table, metric), (value, keys of the recordings)) of each result of the fidelity tables."""
     for module in FIDELITY:
         same = {
             part: getattr(config, part) for part in ("simulator", "materials", "radar", "measured", "profile", "seed", "output", "jobs")
         }
         quick = {"ripple": False} if module is turntable_shape else {}
         try:
-            result = module.score(replace(_own(module), **same), campaign, progress, **quick)
+            own = replace(_own(module), **same)
+            result = module.score(own, _frame(module, own, campaign, progress), **quick)
         except InputError as error:  # the campaign lacks the motion, or has too few objects
             progress.say(f"sensitivity: leaves out the table {_name(module)}: {error}")
             continue
         for metric, value in result.metrics.items():
-            found.figures[_name(module), metric] = value, result.keys
-    return found
+            yield (_name(module), metric), (value, result.keys)
+
+
+def _frame(module: ModuleType, config: Config, campaign: Campaign, progress: Progress) -> Frame:
+    """Return the frame of a fidelity table. All draws count as repetitions of one draw."""
+    fetch = partial(stored, progress=progress)
+    read = environment.read(config, campaign, fetch) if module is environment else fetch(campaign, shared(campaign, module.MOTIONS))
+    return read.assign(draw=0)
 
 
 def _one(campaign: Campaign, case: Case) -> tuple[np.ndarray, str, float, int, int]:

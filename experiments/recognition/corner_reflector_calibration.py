@@ -8,26 +8,23 @@ calibration, metal objects agree with the measurement, dielectric objects stay t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments import draws
 from experiments.campaign.cases import COMPARED, REFLECTOR
-from experiments.campaign.source import RecordingSource
-from experiments.claims import Claim, within
-from experiments.recognition import readings, transfer
-from experiments.recognition.protocol import MATERIAL, RecognitionRows, count_sources
-from experiments.recognition.readings import FEATURES, MOTION
+from experiments.campaign.frame import Frame, balanced, by_revolution
+from experiments.cells import Cell, first_draw, paired, table_rows, using
+from experiments.claims import NONE, Claim, within
+from experiments.recognition.readings import MOTION
 from experiments.statistics import clustered, difference, exact
 from radartwin.config.config import Config
-from radartwin.features.normalise import fit_map
+from radartwin.errors import InputError
 from radartwin.features.sets import BRIGHTNESS
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
-from radartwin.recognize.samples import Samples
 from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.store.products import Store
@@ -43,107 +40,89 @@ TABLE = Table(
     "itself is not scored. Intervals are bootstraps over objects.",
 )
 
+MOTIONS = (MOTION,)
 BEFORE, AFTER = "before calibration", "after calibration"
 FILLED = "filled plastic"
 ALIGNED_DB = 3.0  # a factor of two in power
+ERROR = "measured - simulated (dB)"
 LEAST_DB = 1.0  # smallest difference of brightness that counts as an effect
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, progress))
+    return score(config, draws.frame(config, store, progress, MOTIONS))
 
 
-def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
+def score(config: Config, frame: Frame) -> Result:
     """Build rows of the calibration offset, of each material's error before and after calibration, and of filled bottles minus other
     materials.
     """
-    room = sorted({case.room for case in source.cases("measured", motion=MOTION)})[0]
-    cases = dict(zip(COMPARED, readings.shared_cases(source, MOTION, room), strict=True))
-    progress.say(f"{len(cases['measured'])} measured and {len(cases['twin'])} simulated revolutions in {room}")
-    measured, twin = (readings.vectors(source, domain, cases[domain], FEATURES) for domain in COMPARED)
-    theirs, ours = (
-        readings.vectors(source, domain, [transfer.calibration_case(source, domain, room, MOTION)], FEATURES).samples.values
-        for domain in COMPARED
-    )
-    keys = tuple(sorted((*measured.keys, *twin.keys)))
-    column = measured.samples.names.index(BRIGHTNESS)
-    mapped = fit_map(ours[:1, [column]], theirs[:, [column]])  # one revolution determines an offset but no slope
-    levels = {BEFORE: twin.samples.values[:, column], AFTER: mapped.apply(twin.samples.values[:, [column]])[:, 0]}
-    scored = measured.samples.without(REFLECTOR)
-    errors = {when: _errors(scored, twin.samples, level, column) for when, level in levels.items()}
-    rows = RecognitionRows(config)
-    offset = float(mapped.offset[0])
+    rows = table_rows(config, frame, cells)
+    after = {row["materials"]: row["value"] for row in rows if row["metric"] == ERROR and row["method"] == AFTER}
+    metrics = {f"residual_db_{kind.replace(' ', '_')}": value for kind, value in after.items()}
+    used = sorted(frozenset().union(*(row.recordings for row in rows)))
+    return Result(TABLE.name, rows, {TABLE.name: lambda: _figure(errors(first_draw(frame)))}, metrics, used)
+
+
+def cells(frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of one draw."""
+    of, scored, offset = balanced(frame), errors(frame), exact(offset_db(frame), 1)
     case = {"materials": "reflector", "feature": BRIGHTNESS, "method": "the map"}
-    rows.add(case, "measured - simulated (dB)", exact(offset, 1), keys, count=1)
-    metrics = _add_materials(rows, scored, errors, keys)
-    _add_filled(rows, scored, errors[AFTER], keys)
-    figures = {"corner_reflector_calibration": lambda: _figure(scored, errors)}
-    return Result("corner_reflector_calibration", rows, figures, metrics, sorted(keys))
-
-
-def _add_materials(rows: RecognitionRows, scored: Samples, errors: Mapping[str, NDArray], keys: tuple[str, ...]) -> dict[str, float]:
-    """Add rows of the echo power error of each material. Returns the echo power errors after calibration in dB, as metrics of the run."""
-    kinds, metrics = _kinds(scored), {}
-    for when, error in errors.items():
-        for kind in np.unique(kinds):
-            recordings = scored.take(kinds == kind)
-            found = clustered(error[kinds == kind], recordings.object, rows.config.profile.resamples, rows.config.seed)
-            claim = Claim()
-            if when == AFTER:
-                metrics[f"residual_db_{kind.replace(' ', '_')}"] = found.value
-                claim = Claim(f"{kind} stays too dim in simulation", "too dim", bound=LEAST_DB, null=0.0)
-                if kind == "metal":
-                    claim = within("metal aligns within 3 dB", -ALIGNED_DB, ALIGNED_DB, paper="aligned")
-            case = {"materials": str(kind), "feature": BRIGHTNESS, "method": when}
-            rows.add(case, "measured - simulated (dB)", found, keys, claim, count_sources(recordings))
-    return metrics
-
-
-def _add_filled(rows: RecognitionRows, scored: Samples, error: NDArray, keys: tuple[str, ...]) -> None:
-    """Add rows of the echo power error of filled bottles minus the error of each other material."""
-    kinds = _kinds(scored)
-    filled = kinds == FILLED
-    for kind in np.unique(kinds[~filled]) if filled.any() else ():
-        others = kinds == kind
-        first, second = (_object_means(error[chosen], scored.object[chosen]) for chosen in (filled, others))
-        found = difference(first, second, rows.config.profile.resamples, rows.config.seed)
+    yield Cell(case, ERROR, of, offset, count=1)
+    for when in (BEFORE, AFTER):
+        for kind, some in scored.groupby("kind"):
+            claim = Claim(f"{kind} stays too dim in simulation", "too dim", bound=LEAST_DB, null=0.0)
+            if kind == "metal":
+                claim = within("metal aligns within 3 dB", -ALIGNED_DB, ALIGNED_DB, paper="aligned")
+            estimate = using(clustered, some[when], some.object.to_numpy(str))
+            case, count = {"materials": kind, "feature": BRIGHTNESS, "method": when}, some.key.nunique()
+            yield Cell(case, ERROR, of, estimate, claim if when == AFTER else NONE, count)
+    objects = scored.groupby(["kind", "object"])[AFTER].mean()
+    kinds = list(objects.index.unique("kind"))
+    for kind in [kind for kind in kinds if kind != FILLED and FILLED in kinds]:
         case = {"materials": f"{FILLED} - {kind}", "feature": BRIGHTNESS, "method": AFTER}
         claim = Claim(f"filled bottles are dimmer than {kind}", "filled bottles most", bound=LEAST_DB, null=0.0)
-        rows.add(case, "difference of the remaining errors (dB)", found, keys, claim, count_sources(scored.take(filled | others)))
+        count = scored.key[scored.kind.isin([FILLED, kind])].nunique()
+        yield Cell(case, "difference of the remaining errors (dB)", of, using(difference, objects[FILLED], objects[kind]), claim, count)
 
 
-def _object_means(values: NDArray, objects: NDArray[np.str_]) -> NDArray[np.float64]:
-    """Return the mean of the values (N,) of each object, (objects,)."""
-    return np.array([values[objects == one].mean() for one in np.unique(objects)])
+def offset_db(frame: Frame) -> float:
+    """Return the measured less the simulated brightness of the reflector at its middle distance, from one recording of each domain.
+
+    Raises InputError if the frame has no reflector.
+    """
+    reflector = frame[frame.object == REFLECTOR]
+    if reflector.empty:
+        raise InputError(f"calibration: the campaign has no {MOTION} recording of the {REFLECTOR}; record one")
+    distances = sorted(reflector.distance_m.unique())
+    here = reflector[reflector.distance_m == distances[len(distances) // 2]].drop_duplicates("domain")
+    measured, twin = (by_revolution(here[here.domain == domain])[BRIGHTNESS] for domain in COMPARED)
+    return float(measured.mean() - twin.iloc[0])  # one revolution determines an offset but no slope
 
 
-def _kinds(recordings: Samples) -> NDArray[np.str_]:
-    """Return the material class of each recording (N,): metal, ceramic, plastic or filled plastic."""
+def errors(frame: Frame) -> Frame:
+    """Return the measured less the simulated brightness of each measured revolution (columns BEFORE and AFTER), without the reflector.
 
-    def kind(name: str) -> str:
-        return FILLED if catalogue()[name].contents and MATERIAL[name] == "plastic" else MATERIAL[name]
-
-    return np.array([kind(label) for label in recordings.label])
-
-
-def _errors(measured: Samples, twin: Samples, level: NDArray, column: int) -> NDArray:
-    """Return the measured value minus the simulated value at equal object and distance, for each measured recording (N,)."""
-    simulated = {(label, stratum): one for label, stratum, one in zip(twin.label, twin.stratum, level, strict=True)}
-    return measured.values[:, column] - np.array([simulated[pair] for pair in zip(measured.label, measured.stratum, strict=True)])
+    The column `kind` is metal, ceramic, plastic or filled plastic.
+    """
+    some = balanced(frame)
+    pairs = paired(by_revolution(some[some.object != REFLECTOR]))
+    before = pairs[BRIGHTNESS] - pairs[f"{BRIGHTNESS}_twin"]
+    filled = (pairs.material_class == "plastic") & pairs.object.map(lambda name: bool(catalogue()[name].contents))
+    return pairs.assign(kind=pairs.material_class.mask(filled, FILLED), **{BEFORE: before, AFTER: before - offset_db(frame)})
 
 
-def _figure(measured: Samples, errors: Mapping[str, NDArray]) -> Figure:
+def _figure(scored: Frame) -> Figure:
     """Draw the echo power error of every recording before and after calibration, by object. The objects on the horizontal axis are
     sorted by material.
     """
     drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=2.9, sharey=False)
-    kinds = dict(zip(measured.label, _kinds(measured), strict=True))
+    kinds = dict(zip(scored.object, scored.kind, strict=True))
     objects = sorted(kinds, key=lambda name: (kinds[name], name))
     colours = dict(zip(sorted(set(kinds.values())), PALETTE, strict=False))
-    for panel, (when, error) in zip(panels, errors.items(), strict=True):
+    for panel, when in zip(panels, (BEFORE, AFTER), strict=True):
         labels = dict.fromkeys(kinds.values())  # one legend entry per material
         for place, name in enumerate(objects):
-            points = error[measured.label == name]
+            points = scored[when][scored.object == name]
             label = kinds[name] if kinds[name] in labels else None
             labels.pop(kinds[name], None)
             panel.scatter(np.full(len(points), place), points, s=10, color=colours[kinds[name]], alpha=0.7, label=label)

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from experiments.campaign.cases import COMPARED, Case
+from experiments.campaign.columns import revolutions
 from experiments.campaign.source import RecordingSource
 from radartwin.errors import InputError
-from radartwin.features import envelope, sets
-from radartwin.features.log import Log, Nominal, angles, distances
+from radartwin.features import sets
+from radartwin.features.log import Log, angles, distances
 from radartwin.features.pictures import flattened, picture
 from radartwin.features.processed import Processed
 from radartwin.recognize.samples import MEASURED, SIMULATED, Part, Samples, gather
@@ -113,18 +114,6 @@ def signatures(source: RecordingSource, domain: str, cases: Sequence[Case]) -> R
         return [f"{row} {name}" for row in range(PROFILES) for name in names], picture.ravel()
 
     return _read(source, domain, cases, signature)
-
-
-def revolutions(processed: Processed, log: Log) -> list[tuple[str, Processed, Log]]:
-    """Split a turntable recording into whole revolutions, each as (name suffix, recording, log). Other recordings are not split."""
-    if log.angle_rad is None:
-        return [("", processed, log)]
-    period = envelope.frames_per_revolution(log.angle_rad)
-    pieces: list[tuple[str, Processed, Log]] = []
-    for number in range(processed.num_frames // period):
-        at = slice(number * period, (number + 1) * period)
-        pieces.append((f" turn {number:02d}", processed.frames(at), Nominal(log.frame_rate_hz, log.distance_m[at], log.angle_rad[at])))
-    return pieces
 
 
 def _read(

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from experiments import draws
 from experiments.campaign.cases import REFLECTOR
+from experiments.campaign.frame import shared
 from experiments.campaign.schedule import RecordingTask
-from experiments.campaign.source import RecordingSource, cases_of
+from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition import labelled_probe, transfer
 from experiments.recognition.figures import bars, confusions
@@ -84,7 +85,7 @@ class Shown:
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
     own = [config, *draws.exact_objects(config)]
-    return draws.recordings(own, lambda campaign: cases_of(campaign, MOTIONS), store, progress, rover=True)
+    return draws.recordings(own, lambda campaign: shared(campaign, MOTIONS), store, progress, rover=True)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:

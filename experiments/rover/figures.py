@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED
+from experiments.campaign.frame import Frame
 from experiments.drawing import range_map
-from experiments.rover import drive_features
-from experiments.rover.drive_features import Drives, Place
 from radartwin.features.profile import FAR_M, NEAR_M
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.scene.objects.catalogue import catalogue
@@ -21,19 +20,19 @@ SHOWN = ("corner_reflector", "can_211_400", "mug", "mustard")  # the reflector a
 SPAN_DB = 50.0
 
 
-def panels_figure(drives: dict[str, Drives]) -> Figure:
+def panels_figure(frame: Frame) -> Figure:
     """Draw range-time maps of up to four objects at one place, preferably a drive along the line of sight ("depth").
 
     The levels of each map are relative to the maximum of the map.
     """
-    where = drive_features.places(drives[MEASURED])
-    place = next((one for one in where if one[1] == "depth"), where[0])
-    here = drive_features.objects(drives[MEASURED], place)
-    names = [name for name in SHOWN if name in here] or here[:4]
+    places = [place for place, _ in frame.groupby(["room", "motion", "distance_m"])]
+    place = next((one for one in places if one[1] == "depth"), places[0])
+    here = frame[(frame.room == place[0]) & (frame.motion == place[1]) & (frame.distance_m == place[2])]
+    names = [name for name in SHOWN if name in set(here.object)] or list(here.object.unique()[:4])
     drawing, panels = figure(len(COMPARED), len(names), width_in=PAGE_WIDTH_IN, height_in=3.6, sharex=True, sharey=True, squeeze=False)
     for line, domain in zip(panels, COMPARED, strict=True):
         for panel, name in zip(line, names, strict=True):
-            one = drives[domain][name, place][0]
+            one = next(here[(here.domain == domain) & (here.object == name)].itertuples())
             inside = (one.range_m >= NEAR_M) & (one.range_m <= FAR_M)
             level = 10 * np.log10(np.maximum(one.power[:, inside] / one.power[:, inside].max(), 1e-12))
             end = len(level) / one.frame_rate_hz
@@ -50,14 +49,14 @@ def panels_figure(drives: dict[str, Drives]) -> Figure:
     return drawing
 
 
-def correlation_figure(found: list[tuple[Place, str, float]]) -> Figure:
-    """Draw rank correlations over objects by feature family from (place, family, correlation), in one panel per room and motion."""
-    groups = sorted({(place[0], place[1]) for place, _, _ in found})
-    families = list(dict.fromkeys(family for _, family, _ in found))
+def correlation_figure(found: Frame) -> Figure:
+    """Draw the rank correlations over objects by feature family (rover_fidelity.agreements), in one panel per room and motion."""
+    groups = [*found.groupby(["room", "motion"])]
+    families = list(found.family.unique())
     drawing, panels = figure(1, max(len(groups), 1), width_in=PAGE_WIDTH_IN, height_in=2.6, sharey=True, squeeze=False)
-    for panel, (room, motion) in zip(panels[0], groups, strict=False):
+    for panel, ((room, motion), some) in zip(panels[0], groups, strict=False):
         for i, family in enumerate(families):
-            values = np.array([rho for place, name, rho in found if name == family and place[:2] == (room, motion)])
+            values = some.rho[some.family == family]
             if len(values):
                 spread = np.linspace(-0.25, 0.25, len(values)) if len(values) > 1 else np.zeros(1)
                 panel.plot(values, i + spread, ".", ms=4, color=PALETTE[0], alpha=0.7)

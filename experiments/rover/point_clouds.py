@@ -9,22 +9,22 @@ detections, and removes the agreement in range.
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from experiments import draws
-from experiments.campaign.cases import COMPARED, LABELS, MEASURED, ROVER, TWIN, Case
-from experiments.campaign.source import RecordingSource, read_both
-from experiments.claims import NONE, Claim, RowList
-from experiments.rover.drive_features import Place
+from experiments.campaign.cases import COMPARED, LABELS, MEASURED, ROVER, TWIN
+from experiments.campaign.frame import Column, Frame
+from experiments.cells import Cell, first_draw, keys, mean, paired, table_rows
+from experiments.claims import NONE, Claim
+from experiments.rover.rover_fidelity import WHERE
 from experiments.statistics import POSITIVE
 from radartwin.config.config import Config
 from radartwin.features import cloud
-from radartwin.features.log import Log
-from radartwin.features.processed import Processed
 from radartwin.features.profile import FAR_M, NEAR_M
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
@@ -46,53 +46,60 @@ TABLE = Table(
     "profile (0.3 m to 5.5 m) enters at the other end. "
     "Intervals are bootstraps over recordings.",
 )
+MOTIONS = ROVER
 SHIFTS_M = (FAR_M - NEAR_M) * np.arange(1, 8) / 8  # distances in range by which the control moves the simulated cloud
 BETTER = Claim("more measured detections agree with the simulation than with the control", "", bound=0.05, null=0.0)
-
-
-@dataclass(frozen=True, eq=False)
-class Clouds:
-    """The detections of one recording: for each frame (N, 2) range in metres and azimuth in radians."""
-
-    key: str
-    frames: list[NDArray[np.float64]]
-
-
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, progress), rover=True)
-
-
-def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
-    """Build the rows of each place (room, motion, distance), and of all drives of each room and motion."""
-    found = read_both(source, ROVER, lambda case: (case.object, (case.room, case.motion, case.distance_m)), _clouds, progress)
-    rows, shares, keys = RowList(config), defaultdict(list), defaultdict(list)
-    for place in sorted({place for _, place in found[MEASURED]}):
-        pairs = [(measured, found[TWIN][name, at][0]) for (name, at), some in found[MEASURED].items() if at == place for measured in some]
-        used = [one.key for pair in pairs for one in pair]
-        values = [compared(*pair) for pair in pairs]
-        for metric in values[0]:
-            if defined := [one[metric] for one in values if np.isfinite(one[metric])]:
-                rows.add_mean(_at(place), metric, defined, used, NONE, POSITIVE)
-        shares[place[0], place[1]] += [one[FOUND] - one[CONTROL] for one in values if np.isfinite(one[FOUND])]
-        keys[place[0], place[1]] += used
-    shares = {where: gains for where, gains in shares.items() if gains}
-    for (room, motion), gains in shares.items():
-        rows.add_mean(_at((room, motion, None)), GAIN, gains, keys[room, motion], BETTER if len(gains) > 1 else NONE)
-    metrics = {f"found_{room}_{motion}": float(np.mean(gains)) for (room, motion), gains in shares.items()}
-    every = [one.key for domain in COMPARED for some in found[domain].values() for one in some]
-    return Result("point_clouds", rows, {"point_clouds": lambda: _figure(found)}, metrics, every)
 
 
 FOUND, CONTROL = "measured detections that are simulated", "measured detections that are simulated, control"
 EXTRA, CHAMFER = "simulated detections that are measured", "Chamfer distance (m)"
 COUNTS = {domain: f"detections in a frame, {LABELS[domain]}" for domain in COMPARED}
+METRICS = (FOUND, CONTROL, EXTRA, CHAMFER, *COUNTS.values())
 GAIN = "measured detections that are simulated, above the control"
+
+
+Clouds = Sequence[NDArray[np.float64]]  # the detections of each frame: (N, 2) range in metres and azimuth in radians
+
+
+def run(config: Config, store: Store, progress: Progress) -> Result:
+    return score(config, draws.frame(config, store, progress, MOTIONS))
+
+
+def score(config: Config, frame: Frame) -> Result:
+    """Build the table of all drives."""
+    rows = table_rows(config, frame, cells)
+    metrics = {f"found_{r['room']}_{r['motion']}": r["value"] for r in rows if r["metric"] == GAIN}
+    return Result(TABLE.name, rows, {"point_clouds": lambda: _figure(first_draw(frame))}, metrics, keys(frame))
+
+
+def cells(frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of each place (room, motion, distance), and of all drives of each room and motion."""
+    pairs = paired(frame).sort_values(WHERE, ignore_index=True)
+    drives = [clouds(pairs["detections" + end], pairs["nominal_m" + end]) for end in ("", "_twin")]
+    pairs = pairs.join(pd.DataFrame([compared(*both) for both in zip(*drives, strict=True)]))
+    for (place, here), (_, some) in zip(frame.groupby(WHERE), pairs.groupby(WHERE), strict=True):
+        for metric in METRICS:
+            if len(defined := some[metric].dropna()):
+                yield Cell(_at(place), metric, here, mean(defined, POSITIVE))
+    pairs[GAIN] = pairs[FOUND] - pairs[CONTROL]
+    for (room, motion), some in pairs.dropna(subset=GAIN).groupby(["room", "motion"]):
+        here = frame[(frame.room == room) & (frame.motion == motion)]
+        yield Cell(_at((room, motion, None)), GAIN, here, mean(some[GAIN]), BETTER if len(some) > 1 else NONE)
+
+
+def _at(place: tuple[str, str, float | None]) -> dict[str, Any]:
+    return dict(zip(WHERE, place, strict=True))
+
+
+def clouds(detections: Column, series: Column) -> list[Clouds]:
+    """Return the detections of each frame of several drives, whose number of frames is the length of their time series."""
+    return [[one[one[:, 0] == k, 1:] for k in range(len(frames))] for one, frames in zip(detections, series, strict=True)]
 
 
 def compared(measured: Clouds, simulated: Clouds) -> dict[str, float]:
     """Return the mean of each metric over the common frames of two recordings; NaN if no frame has a value of the metric."""
     values = defaultdict(list)
-    for one, two in zip(measured.frames, simulated.frames, strict=False):
+    for one, two in zip(measured, simulated, strict=False):
         moved = [np.column_stack([NEAR_M + (two[:, 0] - NEAR_M + by) % (FAR_M - NEAR_M), two[:, 1]]) for by in SHIFTS_M]
         values[FOUND].append(cloud.matched(one, two, NEAR_RANGE_M, NEAR_AZIMUTH_RAD))
         values[CONTROL].append(float(np.mean([cloud.matched(one, other, NEAR_RANGE_M, NEAR_AZIMUTH_RAD) for other in moved])))
@@ -108,27 +115,18 @@ def _mean(values: list[float]) -> float:
     return float(finite.mean()) if len(finite) else float("nan")
 
 
-def _clouds(case: Case, key: str, processed: Processed, log: Log) -> Clouds:
-    return Clouds(key, cloud.detections(processed))
-
-
-def _at(place: Place | tuple[str, str, None]) -> dict[str, Any]:
-    return {"room": place[0], "motion": place[1], "distance_m": place[2]}
-
-
-def _figure(found: dict[str, dict[Any, list[Clouds]]]) -> Figure:
+def _figure(frame: Frame) -> Figure:
     """Draw both clouds of all frames of one drive per motion, from above, in the frame of the radar."""
-    chosen = {}
-    for name, place in found[MEASURED]:
-        chosen.setdefault(place[1], (name, place))
+    chosen = paired(frame).drop_duplicates("motion")
     drawing, panels = figure(1, len(chosen), width_in=PAGE_WIDTH_IN, height_in=3.2, sharex=True, sharey=True, squeeze=False)
-    for panel, (name, place) in zip(panels[0], chosen.values(), strict=True):
-        for domain, colour, marker in ((MEASURED, PALETTE[0], "o"), (TWIN, PALETTE[1], "+")):
-            points = np.concatenate(found[domain][name, place][0].frames)
-            x, y = points[:, 0] * np.cos(points[:, 1]), points[:, 0] * np.sin(points[:, 1])
+    for panel, drive in zip(panels[0], chosen.itertuples(), strict=True):
+        for domain, points, colour, marker in (
+            (MEASURED, drive.detections, PALETTE[0], "o"), (TWIN, drive.detections_twin, PALETTE[1], "+"),
+        ):  # fmt: skip
+            x, y = points[:, 1] * np.cos(points[:, 2]), points[:, 1] * np.sin(points[:, 2])
             fill = {"facecolors": "none", "edgecolors": colour} if marker == "o" else {"color": colour}
             panel.scatter(-y, x, s=14, lw=0.7, marker=marker, label=LABELS[domain], **fill)
-        label = f"{name.replace('_', ' ')}, {place[0].replace('_', ' ')},\n{place[1]} drive at {place[2]:g} m"
+        label = f"{drive.object} {drive.room},\n{drive.motion} drive at {drive.distance_m:g} m".replace("_", " ")
         panel.set_title(label, fontsize=8)
         panel.set(aspect="equal")
         panel.set(xlabel="right of the radar (m)", ylim=(0, FAR_M))

@@ -9,21 +9,20 @@ the paper reports binomial p values, which are too small. Paper: signal fidelity
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from experiments import draws, statistics
-from experiments.campaign.cases import COMPARED, LABELS, MEASURED, TWIN
-from experiments.campaign.source import RecordingSource
-from experiments.claims import NONE, Claim, RowList
-from experiments.rover import drive_features
-from experiments.rover.drive_features import Drive, Drives, Place
+from experiments.campaign.cases import COMPARED, LABELS, MEASURED, ROVER
+from experiments.campaign.frame import Frame, features
+from experiments.cells import Cell, first_draw, keys, mean, paired, per, table_rows, using
+from experiments.claims import NONE, Claim
 from experiments.rover.figures import correlation_figure, panels_figure
 from experiments.statistics import Estimate
 from radartwin.config.config import Config
@@ -34,7 +33,6 @@ from radartwin.features.profile import profile_correlation
 from radartwin.features.sets import BRIGHTNESS
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result, Table
-from radartwin.scene.objects.catalogue import catalogue
 from radartwin.store.products import Store
 
 TABLE = Table(
@@ -48,6 +46,7 @@ TABLE = Table(
     "tests. Other intervals are 95 % bootstraps, widened for few items.",
 )
 
+MOTIONS = ROVER
 OVERLAYS = Claim("once start offsets are fitted, the simulated range track overlays the measured", "", bound=0.5, null=0.0)
 PLACED = Claim("mean range profiles of metals correlate", "up to +0.73", bound=0.2, null=0.0)
 AGREE = {
@@ -61,134 +60,129 @@ SEPARATES = Claim(
 )  # fmt: skip
 RELIABLE = Claim("the multipath share is the most reliable feature", "first", bound=1 - 1e-9, null=0.5, least=1)
 MULTIPATH = "multipath_share"
-
-
-@dataclass(frozen=True)
-class Agreement:
-    """Rank correlation `rho` between measured and simulated values of a feature, over the objects at one place (room, motion, distance)."""
-
-    place: Place
-    feature: str
-    rho: float
+WHERE = ["room", "motion", "distance_m"]
+Place = tuple[str, str, float]  # room, motion, distance
+Series = tuple[NDArray, NDArray]
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, progress), rover=True)
+    return score(config, draws.frame(config, store, progress, MOTIONS))
 
 
-def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
-    """Build the table rows for each room, motion and distance, and for all of them together."""
-    drives = drive_features.read(source, progress)
-    found = agreements(drives)
-    rows = RowList(config)
-    for place in drive_features.places(drives[MEASURED]):
-        _add_signals(rows, drives, place)
-    _add_shares(rows, drives, found)
-    _add_reliability(rows, drives, found)
-    _add_materials(rows, drives)
-    families = [(one.place, drive_features.family(one.feature), one.rho) for one in found]
-    figures = {"rover_panels": lambda: panels_figure(drives), "rover_feature_correlations": lambda: correlation_figure(families)}
+def score(config: Config, frame: Frame) -> Result:
+    """Build the table of all drives."""
+    rows, first = table_rows(config, frame, cells), first_draw(frame)
+    figures = {
+        "rover_panels": lambda: panels_figure(first),
+        "rover_feature_correlations": lambda: correlation_figure(agreements(first)),
+    }
     shares = [r for r in rows if r["metric"] == "share of features that order objects alike"]
     metrics = {f"share_alike_{r['room']}_{r['motion']}": r["value"] for r in shares}
-    return Result("rover_fidelity", rows, figures, metrics, drive_features.keys(drives))
+    return Result(TABLE.name, rows, figures, metrics, keys(frame))
 
 
-def agreements(drives: dict[str, Drives]) -> list[Agreement]:
-    """Return an `Agreement` for each feature at each place with three or more objects. Features without variation between the objects in
-    either domain are left out.
+def cells(frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of each room, motion and distance, and of all of them together."""
+    for place, here in frame.groupby(WHERE):
+        yield from _signals(here, place)
+    yield from _orders(frame)
+    yield from _materials(frame)
+
+
+def agreements(frame: Frame) -> Frame:
+    """Return the rank correlation `rho` between measured and simulated values of each feature (columns `feature` and `family`) over the
+    objects at each place (columns WHERE) with three or more objects. Features without variation between the objects in either domain are
+    left out.
     """
     found = []
-    for place in drive_features.places(drives[MEASURED]):
-        names = drive_features.objects(drives[MEASURED], place)
-        if len(names) < 3:
-            continue
-        features, first = drive_features.matrix(drives[MEASURED], names, place)
-        _, second = drive_features.matrix(drives[TWIN], names, place)
-        for column, feature in enumerate(features):
-            if np.ptp(first[:, column]) > 0 and np.ptp(second[:, column]) > 0:
-                rho = statistics.rank_correlation(first[:, column], second[:, column])
-                found.append(Agreement(place, feature, rho))
-    return found
+    for place, here in frame.groupby(WHERE):
+        if here.object.nunique() > 2:
+            first, second = (per(features(here), domain)(here) for domain in COMPARED)
+            for name in first.columns[(np.ptp(first, axis=0) > 0) & (np.ptp(second, axis=0) > 0)]:
+                rho = statistics.rank_correlation(first[name], second[name])
+                found.append((*place, name, family(name), rho))
+    return pd.DataFrame(found, columns=[*WHERE, "feature", "family", "rho"])
 
 
-def _at(place: Place, label: str, of: str = "both") -> dict[str, Any]:
-    """Return the columns that describe a row about one place (room, motion, distance)."""
-    return {"room": place[0], "motion": place[1], "distance_m": place[2], "case": label, "of": of}
+def family(feature: str) -> str:
+    """Return the name of the feature family of a feature, as tables print it."""
+    if feature.startswith("window"):
+        return "range-profile window"
+    known = {"multipath_share": "multipath share", "azimuth_extent_rad": "angular extent", BRIGHTNESS: "brightness"}
+    known |= dict.fromkeys(("excursion_m", "track_offset_m", "track_spread_m"), "track")
+    return known.get(feature, "envelope")
 
 
-def _over(label: str, room: str = "all", motion: str = "all") -> dict[str, Any]:
-    """Return the columns that describe a row about several places (rooms, motions, distances)."""
-    return {"room": room, "motion": motion, "distance_m": None, "case": label, "of": "both"}
+def _case(label: str, place: tuple[str, str, float | None] = ("all", "all", None), of: str = "both") -> dict[str, Any]:
+    """Return the columns that describe a row about one place or several places (room, motion, distance)."""
+    return dict(zip(WHERE, place, strict=True)) | {"case": label, "of": of}
 
 
-def aligned(first: Drive, second: Drive) -> tuple[NDArray, NDArray]:
-    """Return the tracked ranges of two drives in the frames that both drives have, after the offset between their starts is removed."""
+def aligned(first: Series, second: Series) -> tuple[NDArray, NDArray]:
+    """Return the tracked ranges of two drives in the frames that both drives have, after the offset between their starts is removed.
+
+    Args:
+        first, second: energy in the target gate and tracked range in metres of each drive, (F,) each.
+    """
     try:
-        late = start_offset(first.energy, second.energy, max(1, len(first.energy) // 4))
+        late = start_offset(first[0], second[0], max(1, len(first[0]) // 4))
     except InputError:  # the target's energy is constant or below the noise, so the logged start is used
         late = 0
-    return overlap(first.track_m, second.track_m, late)
+    return overlap(first[1], second[1], late)
 
 
-def _add_signals(rows: RowList, drives: dict[str, Drives], place: Place) -> None:
-    """Add rows on tracked range, range profile and velocity at one place, over objects. The rows on range profiles also exist for
-    each material class.
-    """
-    names = drive_features.objects(drives[MEASURED], place)
-    tracks, profiles, velocities = [], defaultdict(list), defaultdict(list)
-    for name in names:
-        twin = drives[TWIN][name, place][0]
-        for one in drives[MEASURED][name, place]:
-            tracks.append(statistics.correlation(*aligned(one, twin)))
-            profiles[catalogue()[name].material_class].append(profile_correlation(one.profile, twin.profile, one.range_m))
-        for domain in COMPARED:
-            for one in drives[domain][name, place]:
-                if one.velocity_mps is not None:
-                    error = one.velocity_mps - range_rate(one.nominal_m, one.frame_rate_hz)
-                    velocities[domain].append(float(np.sqrt(np.mean(error**2))))
-    keys = drive_features.keys(drives, names, [place])
+def _signals(here: Frame, place: Place) -> Iterator[Cell]:
+    """Declare cells on tracked range, range profile and velocity at one place, and on range profiles for each material class."""
+    pairs = paired(here)
     if place[1] == "depth":
-        rows.add_mean(_at(place, "all objects"), "track correlation", tracks, keys, OVERLAYS, statistics.SIGNED, statistics.FISHER)
-    for kind, values in profiles.items():
+        tracks = [
+            statistics.correlation(*aligned((one.energy, one.track_m), (one.energy_twin, one.track_m_twin))) for one in pairs.itertuples()
+        ]
+        yield Cell(_case("all objects", place), "track correlation", here, mean(tracks, statistics.SIGNED, statistics.FISHER), OVERLAYS)
+    for kind, some in pairs.groupby("material_class", sort=False):
+        alike = [profile_correlation(one.profile, one.profile_twin, one.range_m) for one in some.itertuples()]
         claim = PLACED if kind == "metal" and place[1] == "depth" else NONE
-        rows.add_mean(_at(place, kind), "range-profile correlation", values, keys, claim, statistics.SIGNED, statistics.FISHER)
-    for domain, values in velocities.items():
-        rows.add_mean(_at(place, "all objects", LABELS[domain]), "velocity error, rms (m/s)", values, keys, NONE, statistics.POSITIVE)
+        yield Cell(_case(kind, place), "range-profile correlation", here, mean(alike, statistics.SIGNED, statistics.FISHER), claim)
+    for domain in COMPARED:
+        drives = [one for one in here[here.domain == domain].itertuples() if len(one.velocity_mps)]
+        error = [float(np.sqrt(np.mean((one.velocity_mps - range_rate(one.nominal_m, one.frame_rate_hz)) ** 2))) for one in drives]
+        if error:
+            yield Cell(_case("all objects", place, LABELS[domain]), "velocity error, rms (m/s)", here, mean(error, statistics.POSITIVE))
 
 
-def _add_shares(rows: RowList, drives: dict[str, Drives], found: list[Agreement]) -> None:
-    """Add the share of positive rank correlations for each room and motion, and the mean correlation of each feature family."""
-    groups: dict[tuple[str, str], list[Agreement]] = defaultdict(list)
-    for one in found:
-        groups[one.place[0], one.place[1]].append(one)
-    for (room, motion), some in groups.items():
-        keys = drive_features.keys(drives, chosen={one.place for one in some})
-        alike = share_alike(drives, sorted({one.place for one in some}), rows.config.seed)
+def _orders(frame: Frame) -> Iterator[Cell]:
+    """Declare the share of positive rank correlations and the mean correlation of each feature family, for each room and motion. The last
+    cell is the share of features whose mean rank correlation does not exceed that of the feature `multipath share`.
+    """
+    found = agreements(frame)
+    used = frame.merge(found[WHERE].drop_duplicates())
+    for (room, motion), some in found.groupby(["room", "motion"]):
+        here = used[(used.room == room) & (used.motion == motion)]
         claim = AGREE.get(room, NONE) if motion == "depth" else NONE
-        rows.add(_over("all features", room, motion), "share of features that order objects alike", alike, keys, claim)
-        families = defaultdict(list)
-        for one in some:
-            families[drive_features.family(one.feature)].append(one.rho)
-        for name, values in families.items():
-            rows.add_mean(_over(name, room, motion), "order of objects, mean", values, keys)
+        yield Cell(_case("all features", (room, motion, None)), "share of features that order objects alike", here, share_alike, claim)
+        for name, of in some.groupby("family", sort=False):
+            yield Cell(_case(name, (room, motion, None)), "order of objects, mean", here, mean(of.rho))
+    means = found.groupby("feature").rho.mean()
+    if MULTIPATH in means and len(means) > 1:
+        beaten = float((means[MULTIPATH] >= means.drop(MULTIPATH)).mean())
+        estimate = statistics.exact(beaten, len(means) - 1)
+        yield Cell(_case("multipath share"), "share of features less reliable", used, estimate, RELIABLE)
 
 
-def share_alike(drives: dict[str, Drives], where: Sequence[Place], seed: int) -> Estimate:
+def share_alike(rows: Frame, resamples: int, seed: int) -> Estimate:
     """Return the share of features, over several places, whose rank correlation over objects is positive.
 
     The features of one recording are not independent trials. The test therefore assigns the simulated objects to the measured objects anew.
     All places use the same assignments; at a place that lacks objects, the others keep their order in the assignment. n counts objects.
     """
-    names = sorted({name for place in where for name in drive_features.objects(drives[MEASURED], place)})
-    parts = []
-    for place in where:
-        here = [name for name in names if name in drive_features.objects(drives[MEASURED], place)]
-        values = [drive_features.matrix(drives[domain], here, place)[1] for domain in COMPARED]
+    names = sorted(set(rows.object))
+    shuffled, positive = statistics.orders(len(names), seed), []
+    for _, here in rows.groupby(WHERE):
+        values = [per(features(here), domain)(here).sort_index() for domain in COMPARED]
         varies = np.all([np.ptp(one, axis=0) > 0 for one in values], axis=0)
-        parts.append((np.array([names.index(name) for name in here]), *(one[:, varies] for one in values)))
-
-    shuffled = statistics.orders(len(names), seed)
-    positive = [_positive_shuffled(measured, simulated, shuffled[:, place]) for place, measured, simulated in parts]
+        place = np.searchsorted(names, values[0].index.to_list())
+        measured, simulated = (one.to_numpy()[:, varies] for one in values)
+        positive.append(_positive_shuffled(measured, simulated, shuffled[:, place]))
     shares = np.concatenate(positive, axis=1).mean(axis=1)
     return statistics.permuted(float(shares[0]), shares, len(names), statistics.SHARE)
 
@@ -207,45 +201,30 @@ def _positive_shuffled(measured: NDArray, simulated: NDArray, orders: NDArray) -
     return total > 1e-9
 
 
-def _add_reliability(rows: RowList, drives: dict[str, Drives], found: list[Agreement]) -> None:
-    """Add the share of features whose mean rank correlation does not exceed that of the feature `multipath share`."""
-    means = {f: np.mean([one.rho for one in found if one.feature == f]) for f in {one.feature for one in found}}
-    if MULTIPATH in means and len(means) > 1:
-        beaten = float(np.mean([means[MULTIPATH] >= value for f, value in means.items() if f != MULTIPATH]))
-        keys = drive_features.keys(drives, chosen={one.place for one in found})
-        rows.add(_over("multipath share"), "share of features less reliable", statistics.exact(beaten, len(means) - 1), keys, RELIABLE)
-
-
-def _add_materials(rows: RowList, drives: dict[str, Drives]) -> None:
-    """Add rows on the brightness contrast (metal minus plastic, dB) for each place and domain.
-
-    Two summary rows give the share of places where the contrast has the same sign in measurement and simulation, and the ratio of
-    simulated to measured contrast.
+def _materials(frame: Frame) -> Iterator[Cell]:
+    """Declare the brightness contrast (metal minus plastic, dB) of each place and domain, the share of places where the contrast has the
+    same sign in measurement and simulation, and the ratio of simulated to measured contrast.
     """
-    label, gaps, keys, where = "metal less plastic", [], [], []
-    known = catalogue()
-    for place in drive_features.places(drives[MEASURED]):
-        names = drive_features.objects(drives[MEASURED], place)
-        metal, plastic = ([name for name in names if known[name].material_class == kind] for kind in ("metal", "plastic"))
-        if not (metal and plastic):
-            continue
-        used = drive_features.keys(drives, [*metal, *plastic], [place])
-        gaps.append([_brightness(drives[domain], metal, place) - _brightness(drives[domain], plastic, place) for domain in COMPARED])
-        for domain, gap in zip(COMPARED, gaps[-1], strict=True):
-            rows.add(_at(place, label, LABELS[domain]), "brightness (dB)", statistics.exact(gap, len(metal) + len(plastic)), used)
-        keys += used
-        where.append(place)
-    if gaps:
-        pairs = np.array(gaps)
-        alike = float(np.mean(np.sign(pairs[:, 0]) == np.sign(pairs[:, 1])))
-        names = [name for name in known if known[name].material_class in ("metal", "plastic")]
-        names = [name for name in names if any((name, place) in drives[MEASURED] for place in where)]
-        levels = np.array([[[_level(drives[domain], name, place) for place in where] for name in names] for domain in COMPARED])
-        p = contrast_test(levels, np.array([known[name].material_class == "metal" for name in names]))
-        signs = statistics.interval_of_p(alike, 0.5, p, len(names), statistics.SHARE)
-        rows.add(_over(label), "share of places with one sign", signs, keys, SIGNS)
-        ratio = _ratio(pairs, rows.config.profile.resamples, rows.config.seed)
-        rows.add(_over(label), "simulated over measured", ratio, keys, SEPARATES)
+    frame = frame[frame.material_class.isin(["metal", "plastic"])]
+    both = frame.groupby(WHERE).filter(lambda here: here.material_class.nunique() == 2)
+    if both.empty:
+        return
+    label = "metal less plastic"
+    levels = both.groupby(["domain", "material_class", "object", *WHERE])[BRIGHTNESS].mean().unstack(WHERE)
+    contrasts = (levels.xs("metal", level=1).groupby("domain").mean() - levels.xs("plastic", level=1).groupby("domain").mean()).loc[
+        [*COMPARED]
+    ]
+    for place, here in both.groupby(WHERE):
+        for domain in COMPARED:
+            estimate = statistics.exact(contrasts.loc[domain, place], here.object.nunique())
+            yield Cell(_case(label, place, LABELS[domain]), "brightness (dB)", here, estimate)
+    pairs = contrasts.to_numpy().T
+    kinds = levels.loc[MEASURED].index.get_level_values(0)
+    p = contrast_test(np.array([levels.loc[domain] for domain in COMPARED]), kinds == "metal")
+    alike = float(np.mean(np.sign(pairs[:, 0]) == np.sign(pairs[:, 1])))
+    signs = statistics.interval_of_p(alike, 0.5, p, len(kinds), statistics.SHARE)
+    yield Cell(_case(label), "share of places with one sign", both, signs, SIGNS)
+    yield Cell(_case(label), "simulated over measured", both, using(_ratio, pairs), SEPARATES)
 
 
 def contrast_test(levels: NDArray, metal: NDArray[np.bool_]) -> float:
@@ -284,12 +263,3 @@ def _ratio(pairs: NDArray, resamples: int, seed: int) -> Estimate:
         ratios = np.where(drawn[:, 0] > 0, drawn[:, 1] / drawn[:, 0], np.inf)
         ratios = back(statistics.widened(forward(ratios), float(forward(value)), len(pairs)))
     return replace(statistics.resampled(value, ratios, len(pairs), statistics.POSITIVE), scale=statistics.LOG, unit="places")
-
-
-def _brightness(drives: Drives, names: list[str], place: Place) -> float:
-    return float(np.mean([_level(drives, name, place) for name in names]))
-
-
-def _level(drives: Drives, name: str, place: Place) -> float:
-    """Return the mean brightness of an object at a place in dB, or NaN if the place has no recording of the object."""
-    return float(np.mean([one.values[BRIGHTNESS] for one in drives[name, place]])) if (name, place) in drives else np.nan

@@ -8,24 +8,28 @@ the energy arrives from beyond the target. The module `operating_points` searche
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
 
 from experiments import draws
 from experiments.campaign.campaign import Campaign, joined, make_together
 from experiments.campaign.cases import Case
+from experiments.campaign.frame import Frame, stored
 from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
+from experiments.cells import Cell, first_draw, keys, mean, table_rows
 from experiments.claims import BELOW, NONE, Claim, RowList
 from experiments.drawing import error_bars, range_map
 from experiments.statistics import FISHER, SCALES, SHARE, SIGNED
 from experiments.turntable import operating_points
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
-from radartwin.features.log import angles
 from radartwin.features.profile import FAR_M, NEAR_M, beyond_target_share, profile_correlation
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
@@ -47,7 +51,6 @@ TABLE = Table(
     "recordings (column items). Column n also counts the simulated recordings.",
 )
 
-GAIN = "gain in Fisher's z"
 TARGET, ROOM_NAME = "corner_reflector", "lab"
 # A side is a kind of recording in this table. For each side: the domain of the campaign, and the materials of the room (None stands for the
 # configured materials).
@@ -61,29 +64,18 @@ WIDENS = Claim("the gain in correlation increases with distance", "above 0", bou
 BEYOND = Claim("most of the energy arrives from beyond the target", "about 0.75", bound=0.5)
 # the paper says "essentially uncorrelated or weakly anti-correlated"; this claim sets an upper bound on the interval
 UNCORRELATED = Claim("without the room the profiles do not correlate", "-0.24", bound=0.1, direction=BELOW)
-
-
-@dataclass(frozen=True, eq=False)
-class Profiles:
-    """Range profiles of one recording over range_m (B,): the mean profile (B,), and the power of the first revolution (F, B)."""
-
-    key: str
-    mean: np.ndarray
-    revolution: np.ndarray
-    range_m: np.ndarray
-
-
-Recordings = Mapping[tuple[str, float], Sequence[Profiles]]  # key: side, distance
+GAIN = "gain in Fisher's z"
+CORRELATED = {"void": UNCORRELATED, "room": ROOM}
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
     """Compute the table for the configured campaign. Raises ConfigError if the configuration sets options that the table does not use."""
-    check(config)
     make_together(recordings(config, store, progress), config.jobs, progress)
-
-    result = draws.scored(config, store, progress, lambda campaign: score(config, campaign, progress))
+    campaign, chosen = draws.whole_campaign(config, store, progress), operating_points.wanted(config)
+    result = score(config, read(config, campaign, partial(stored, progress=progress)))
     sources = {True: Campaign(config, store, progress), False: _without_lobes(config, store, progress)}
-    return with_points(config, result, operating_points.read(config, sources, progress))
+    points = {lobes: stored(sources[lobes], chosen, progress) for lobes in operating_points.compared_lobes(config)}
+    return with_points(config, result, operating_points.read(config, points))
 
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
@@ -109,40 +101,23 @@ def check(config: Config) -> None:
             raise ConfigError(f"{key}={value} is not read by experiment=environment, which always has {key}={used}; leave it out")
 
 
-def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
-    """Build the rows for each distance: correlations on the amplitude scale and on the decibel scale, and energy shares.
-
-    Raises:
-        ConfigError: the campaign has no turntable recordings of the corner reflector at one of the distances.
-    """
-    recordings = read(config, source, progress)
-    distances = sorted({distance for _, distance in recordings})
-    last = distances[-1]
-    labels = {side: label for side, label in labels_of(config).items() if (side, last) in recordings}
-    rows = RowList(config)
-    gains: dict[tuple[str, float], np.ndarray] = {}
-    for distance in distances:
-        _add_correlations(rows, recordings, distance, labels, gains)
-        for side, label in labels.items():
-            shares = [beyond_target_share(one.mean, one.range_m, distance) for one in recordings[side, distance]]
-            claim = BEYOND if distance == PAPER_DISTANCE_M and side == "measured" else NONE
-            case = {"distance_m": distance, "case": label, "scale": "power"}
-            rows.add_mean(case, "energy share beyond the target", shares, _keys(recordings, [side], distance), claim, SHARE)
-    _add_gain_changes(rows, recordings, gains)
+def score(config: Config, frame: Frame) -> Result:
+    """Build the rows for each distance: correlations on the amplitude scale and on the decibel scale, and energy shares."""
+    distances, first = sorted(frame.distance_m.unique()), first_draw(frame)
+    last, labels = distances[-1], {side: label for side, label in labels_of(config).items() if side in set(frame.side)}
+    rows = table_rows(config, frame, partial(cells, labels))
+    shown = {side: next(first[(first.side == side) & (first.distance_m == last)].itertuples()) for side in SHOWN if side in labels}
     figures: dict[str, Callable[[], Figure]] = {
-        "environment_range_time": lambda: _range_time_figure(
-            {side: recordings[side, last][0] for side in SHOWN if side in labels}, last, labels
-        ),
+        "environment_range_time": lambda: _range_time_figure(shown, last, labels),
         "environment_correlation": lambda: _correlation_figure(rows, distances, labels),
-    }  # fmt: skip
+    }
     metrics = {
         f"correlation_{side}_{one['scale']}_{last:g}m": one["value"]
         for side, label in labels.items()
         for one in rows
         if one["metric"] == "profile correlation" and one["case"] == label and one["distance_m"] == last
     }
-    keys = {one.key for some in recordings.values() for one in some}
-    return Result("environment", rows, figures, metrics, sorted(keys))
+    return Result(TABLE.name, rows, figures, metrics, keys(frame))
 
 
 def labels_of(config: Config) -> dict[str, str]:
@@ -164,21 +139,14 @@ def with_points(config: Config, result: Result, points: Sequence[operating_point
     )
 
 
-def read(config: Config, source: RecordingSource, progress: Progress) -> Recordings:
-    """Read the reflector's recordings: measured, simulated with the room, with the room of plasterboard, and without the room ("void").
-
-    Each of these kinds of recordings must exist at each distance.
-    """
+def read(config: Config, source: RecordingSource, read: Callable[..., Frame]) -> Frame:
+    """Read the reflector's recordings with their side: measured, simulated with the room, with the room of plasterboard, and in void."""
     chosen = wanted(config, source)
-    found: dict[tuple[str, float], list[Profiles]] = {}
-    for side, case in progress.over(chosen, "environment recordings"):
-        domain, materials = SIDES[side]
-        key, processed = source.processed(domain, case, materials)
-        angle = angles(source.log(case, domain), processed.num_frames)
-        revolution = processed.power[angle < angle[0] + 2 * np.pi - 1e-9]
-        profiles = Profiles(key, processed.power.mean(axis=0, dtype=float), revolution, processed.range_m)
-        found.setdefault((side, case.distance_m), []).append(profiles)
-    return found
+    parts = []
+    for side, (domain, materials) in SIDES.items():
+        if cases := [(domain, case) for other, case in chosen if other == side]:
+            parts.append(read(source, cases, materials=materials).assign(side=side))
+    return pd.concat(parts, ignore_index=True)
 
 
 def wanted(config: Config, source: RecordingSource) -> list[tuple[str, Case]]:
@@ -199,52 +167,47 @@ def wanted(config: Config, source: RecordingSource) -> list[tuple[str, Case]]:
     return [(side, case) for side, case in cases if case.distance_m in chosen]
 
 
-def _keys(recordings: Recordings, sides: Sequence[str], *distances: float) -> list[str]:
-    return [one.key for distance in distances for side in sides for one in recordings[side, distance]]
-
-
-def _add_correlations(
-    rows: RowList, recordings: Recordings, distance: float, labels: dict[str, str], gains: dict[tuple[str, float], np.ndarray]
-) -> None:
-    """Add the correlation of the simulated profiles, without and with the room, with the measured profiles on each scale.
-
-    The function also adds the increase of the correlation due to the simulated room, and writes the increase of Fisher's z into `gains`.
+def cells(labels: Mapping[str, str], frame: Frame) -> Iterator[Cell]:
+    """Declare the correlation of the simulated profiles, without and with the room, with the measured profiles on each scale, its increase
+    due to the room, the energy shares beyond the target, and the change of the increase from the smallest to the largest distance.
     """
-    for scale in operating_points.SCALES:
-        correlations = {}
-        for side, claim in (("void", UNCORRELATED), ("room", ROOM), ("uniform", NONE)):
-            if side in labels:
-                twin = recordings[side, distance][0]
-                correlations[side] = np.array([
-                    profile_correlation(twin.mean, one.mean, one.range_m, scale) for one in recordings["measured", distance]
-                ])  # fmt: skip
-                case = {"distance_m": distance, "case": labels[side], "scale": scale}
-                claim = claim if distance == PAPER_DISTANCE_M else NONE
-                rows.add_mean(
-                    case, "profile correlation", correlations[side], _keys(recordings, ["measured", side], distance), claim, SIGNED, FISHER
-                )
-        for side, claim in (("room", CLOSER), ("uniform", NONE)):
-            if side in labels:
-                case = {"distance_m": distance, "case": f"{labels[side]} - void", "scale": scale}
-                keys = _keys(recordings, ["measured", side, "void"], distance)
-                rows.add_mean(case, "gain in correlation", correlations[side] - correlations["void"], keys, limits=(-2.0, 2.0))
-                gain = SCALES[FISHER][0](correlations[side]) - SCALES[FISHER][0](correlations["void"])
-                rows.add_mean(case, GAIN, gain, keys, claim)
+    gains: dict[tuple[str, float], NDArray] = {}
+    for distance, here in frame.groupby("distance_m"):
+        at = {"distance_m": distance}
+        at_paper = distance == PAPER_DISTANCE_M
+        for scale in operating_points.SCALES:
+            found = {side: _correlations(here, side, scale) for side in ("void", "room", "uniform") if side in labels}
+            for side, values in found.items():
+                of, claim = here[here.side.isin(["measured", side])], CORRELATED.get(side, NONE) if at_paper else NONE
+                yield Cell({**at, "case": labels[side], "scale": scale}, "profile correlation", of, mean(values, SIGNED, FISHER), claim)
+            for side in [side for side in found if side != "void"]:
+                of = here[here.side.isin(["measured", side, "void"])]
+                case = {**at, "case": f"{labels[side]} - void", "scale": scale}
+                yield Cell(case, "gain in correlation", of, mean(found[side] - found["void"], (-2.0, 2.0)))
+                gain = SCALES[FISHER][0](found[side]) - SCALES[FISHER][0](found["void"])
+                yield Cell(case, GAIN, of, mean(gain), CLOSER if side == "room" else NONE)
                 if side == "room":
                     gains[scale, distance] = gain
+        for side, label in labels.items():
+            of = here[here.side == side]
+            shares = [beyond_target_share(one.mean_power, one.range_m, distance) for one in of.itertuples()]
+            case, claim = {**at, "case": label, "scale": "power"}, BEYOND if at_paper and side == "measured" else NONE
+            yield Cell(case, "energy share beyond the target", of, mean(shares, SHARE), claim)
+    near, far = frame.distance_m.min(), frame.distance_m.max()
+    if gains and near < far:
+        of = frame[frame.side.isin(["measured", "room", "void"]) & frame.distance_m.isin([near, far])]
+        for scale in operating_points.SCALES:
+            count = min(len(gains[scale, near]), len(gains[scale, far]))
+            change = gains[scale, far][:count] - gains[scale, near][:count]
+            case = {"distance_m": far, "case": f"gain at {far:g} m - at {near:g} m", "scale": scale}
+            yield Cell(case, "change of gain", of, mean(change), WIDENS)
 
 
-def _add_gain_changes(rows: RowList, recordings: Recordings, gains: Mapping[tuple[str, float], np.ndarray]) -> None:
-    """Add the gain of Fisher's z due to the room at the largest distance minus that at the smallest distance, if the distances differ."""
-    distances = [distance for _, distance in gains]
-    if not gains or min(distances) == max(distances):
-        return
-    near, far = min(distances), max(distances)
-    for scale in operating_points.SCALES:
-        count = min(len(gains[scale, near]), len(gains[scale, far]))
-        change = gains[scale, far][:count] - gains[scale, near][:count]
-        case = {"distance_m": far, "case": f"gain at {far:g} m - at {near:g} m", "scale": scale}
-        rows.add_mean(case, "change of gain", change, _keys(recordings, ["measured", "room", "void"], near, far), WIDENS)
+def _correlations(here: Frame, side: str, scale: str) -> NDArray[np.float64]:
+    """Return the correlations of all measured mean profiles with the simulated mean profile of a side."""
+    twin = next(here[here.side == side].itertuples()).mean_power
+    measured = here[here.side == "measured"].itertuples()
+    return np.array([profile_correlation(twin, one.mean_power, one.range_m, scale) for one in measured])
 
 
 def _add_operating_point(rows: Sequence[dict[str, Any]], best: operating_points.Point | None, labels: dict[str, str]) -> None:
@@ -260,7 +223,7 @@ def _add_operating_point(rows: Sequence[dict[str, Any]], best: operating_points.
             row["at_operating_point"] = float(best.values[name].mean()) if name else None
 
 
-def _range_time_figure(shown: dict[str, Profiles], distance: float, labels: dict[str, str]) -> Figure:
+def _range_time_figure(shown: Mapping[str, Any], distance: float, labels: dict[str, str]) -> Figure:
     """Draw power over turntable angle and range at one distance, as maps with one colour scale. The measured map comes first."""
     drawing, panels = figure(1, len(shown), width_in=PAGE_WIDTH_IN, height_in=2.8, sharey=True, sharex=True)
     axis = shown["measured"].range_m

@@ -22,12 +22,11 @@ import numpy as np
 
 from experiments import statistics
 from experiments.campaign.cases import BENCH_ROOM, MEASURED, REFLECTOR, TWIN, VOID, Case, draws
-from experiments.campaign.source import RecordingSource
+from experiments.campaign.frame import Frame
 from experiments.claims import Claim, RowList
 from experiments.drawing import legend_above
 from radartwin.config.config import Config
 from radartwin.features.profile import beyond_target_share, gate_energies, profile_correlation
-from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.scene.objects.catalogue import OTHER_LEGS_M, REFLECTOR_LEG_M
 
@@ -38,7 +37,7 @@ DISTANCE_M = 2.0
 DRAWS = 3  # largest number of measured recordings at each leg, each from another draw of the campaign
 LEGS_M = {"quick": (0.05, 0.07, REFLECTOR_LEG_M, 0.12), "paper": tuple(sorted((*OTHER_LEGS_M, REFLECTOR_LEG_M)))}
 LOBES = {"quick": (True,), "paper": (True, False)}  # with and without the antennas' side and back lobes
-STATISTICS = {"mean": np.mean, "median": np.median}  # statistic of the power of a range bin over the frames
+STATISTICS = {"mean": "mean_power", "median": "median_power"}  # column of the frame with the power of the range bins
 SCALES = {"amplitude": "amplitude", "db": "decibels"}
 FIGURES = ("share", VOID, "room")
 PAPER = {"share": 0.75, VOID: -0.24, "room": 0.42}
@@ -109,47 +108,43 @@ def wanted(config: Config) -> list[tuple[str, Case]]:
     return [one for leg in LEGS_M[config.profile.name] for one in _recordings(config, leg)]
 
 
+def _reflector(leg_m: float) -> str:
+    return REFLECTOR if leg_m == REFLECTOR_LEG_M else f"{REFLECTOR}_{100 * leg_m:g}cm"
+
+
 def _recordings(config: Config, leg_m: float) -> list[tuple[str, Case]]:
-    name = REFLECTOR if leg_m == REFLECTOR_LEG_M else f"{REFLECTOR}_{100 * leg_m:g}cm"
-    first = Case(name, BENCH_ROOM, "turntable", DISTANCE_M)
+    first = Case(_reflector(leg_m), BENCH_ROOM, "turntable", DISTANCE_M)
     measured = draws(config.profile.campaign, False)[:DRAWS] if config.measured.draw is None else [config.measured.draw]
     return [*((MEASURED, replace(first, draw=k)) for k in measured), (TWIN, first), (VOID, first)]
 
 
-def read(config: Config, sources: Mapping[bool, RecordingSource | None], progress: Progress) -> list[Point]:
-    """Read the figures of all operating points.
+def read(config: Config, frames: Mapping[bool, Frame]) -> list[Point]:
+    """Compute the figures of all operating points.
 
     Args:
-        sources: sources of the recordings with (True) and without (False) the side and back lobes of the measuring antennas. The points of
-            an antenna without a source are left out.
+        frames: recordings with (True) and without (False) the side and back lobes of the measuring antennas. The points of an antenna
+            without a frame are left out.
     """
-    points = []
-    for with_lobes in compared_lobes(config):
-        if (source := sources[with_lobes]) is None:
-            continue
-        for leg in progress.over(LEGS_M[config.profile.name], "operating points"):
-            found: dict[str, list[tuple[str, np.ndarray, np.ndarray]]] = {}
-            for domain, case in _recordings(config, leg):
-                key, processed = source.processed(domain, case)
-                found.setdefault(domain, []).append((key, processed.power.astype(float), processed.range_m))
-            points += [_point(found, leg, with_lobes, statistic, scale) for statistic in STATISTICS for scale in SCALES]
-    return points
+    found = [(lobes, frames.get(lobes), leg) for lobes in compared_lobes(config) for leg in LEGS_M[config.profile.name]]
+    return [
+        _point(frame[frame.object == _reflector(leg)], leg, lobes, statistic, scale)
+        for lobes, frame, leg in found if frame is not None
+        for statistic in STATISTICS for scale in SCALES
+    ]  # fmt: skip
 
 
-def _point(
-    found: Mapping[str, Sequence[tuple[str, np.ndarray, np.ndarray]]], leg_m: float, with_lobes: bool, statistic: str, scale: str
-) -> Point:
-    range_m = found[MEASURED][0][2]
-    profiles = {domain: [STATISTICS[statistic](power, axis=0) for _, power, _ in some] for domain, some in found.items()}
-    (room,), (void,) = profiles[TWIN], profiles[VOID]
+def _point(rows: Frame, leg_m: float, with_lobes: bool, statistic: str, scale: str) -> Point:
+    profiles = rows[STATISTICS[statistic]]
+    measured, (room,), (void,) = (profiles[rows.domain == domain] for domain in (MEASURED, TWIN, VOID))
+    range_m = rows.range_m.iloc[0]
     values = {
-        "share": np.array([beyond_target_share(one, range_m, DISTANCE_M) for one in profiles[MEASURED]]),
-        VOID: np.array([profile_correlation(void, one, range_m, scale) for one in profiles[MEASURED]]),
-        "room": np.array([profile_correlation(room, one, range_m, scale) for one in profiles[MEASURED]]),
+        "share": np.array([beyond_target_share(one, range_m, DISTANCE_M) for one in measured]),
+        VOID: np.array([profile_correlation(void, one, range_m, scale) for one in measured]),
+        "room": np.array([profile_correlation(room, one, range_m, scale) for one in measured]),
     }
-    inside, whole = np.transpose([gate_energies(one, range_m, DISTANCE_M) for one in profiles[MEASURED]])
+    inside, whole = np.transpose([gate_energies(one, range_m, DISTANCE_M) for one in measured])
     ratio = 10 * np.log10(np.mean(inside) / np.mean(values["share"] * whole))
-    return Point(leg_m, with_lobes, statistic, scale, float(ratio), values, [key for some in found.values() for key, _, _ in some])
+    return Point(leg_m, with_lobes, statistic, scale, float(ratio), values, list(rows.key))
 
 
 def best(points: Sequence[Point]) -> Point | None:

@@ -8,25 +8,24 @@ to the cans, so that a gain difference between measurement and simulation has no
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiments import draws, statistics
+from experiments import draws
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN
+from experiments.campaign.frame import Frame, shared
 from experiments.campaign.schedule import RecordingTask
-from experiments.campaign.source import RecordingSource, cases_of
-from experiments.claims import BELOW, NONE, Claim, RowList
+from experiments.cells import Cell, difference, first_draw, gap, keys, mean, per, table_rows
+from experiments.claims import BELOW, NONE, Claim
 from experiments.drawing import DOMAIN_STYLES, legend_above, panels_width_in
-from experiments.turntable import rotations
-from experiments.turntable.rotations import Turns
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features.sets import BRIGHTNESS
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import figure
 from radartwin.runs.experiment import Result, Table
-from radartwin.scene.objects.catalogue import catalogue
 from radartwin.store.products import Store
 
 if TYPE_CHECKING:
@@ -40,100 +39,78 @@ TABLE = Table(
     "simulation that knows only the surface of vessels (paper profile). Intervals are 95 % bootstraps over objects.",
 )
 
+MOTIONS = ("turntable",)
 CLASSES = ("metal", "ceramic", "plastic")
 LEAST_DB = 1.0  # smallest difference of brightness that counts as an effect
 
 OVER = Claim("metal is brighter than plastic", "above 0", bound=LEAST_DB, null=0.0)
 EXAGGERATES = Claim("the simulation exaggerates the contrast of metal and plastic", "above 0", bound=LEAST_DB, null=0.0)
 DIM_MUG = Claim("the simulation under-predicts the ceramic mug", "below 0", bound=-LEAST_DB, direction=BELOW, null=0.0)
+EXCESS = {  # class: gap between the domains whose contrast between metal and the class is the estimate, metric and claim
+    "plastic": (gap(BRIGHTNESS, TWIN, MEASURED), "excess of contrast (dB)", EXAGGERATES),
+    "ceramic": (gap(BRIGHTNESS, MEASURED, TWIN), "mug, relative to the cans (dB)", DIM_MUG),
+}
+ALL = "all of similar size"
 
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
     own = [config, *draws.unknown_contents(config)]
-    return draws.recordings(own, lambda campaign: cases_of(campaign, ["turntable"]), store, progress)
+    return draws.recordings(own, lambda campaign: shared(campaign, MOTIONS), store, progress)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return draws.beside_unknown(config, lambda own: draws.scored(own, store, progress, lambda campaign: score(own, campaign, progress)))
+    return score(config, draws.frame(config, store, progress, MOTIONS, unknown=True))
 
 
-def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
-    """Build the table rows for each distance.
-
-    The rows hold the brightness of each material class, the contrasts between classes in measurement and simulation, and the differences
-    between simulated and measured contrast.
-
-    Raises:
-        ConfigError: the campaign has no distance with objects of two material classes.
-    """
-    turns = rotations.read(source, progress)
-    where = compared_distances(turns[MEASURED])
-    if not where:
+def score(config: Config, frame: Frame) -> Result:
+    """Build the table. Raises ConfigError if the frame has no distance with objects of two material classes."""
+    if not similar(frame):
         raise ConfigError("turntable_material needs objects of two material classes at one distance; add objects to profile.campaign")
-    rows = RowList(config)
-    for distance in where:
-        _add_rows(rows, turns, distance)
-    metrics = {
-        f"metal_less_plastic_{r['of']}_{r['distance_m']:g}m_db": r["value"] for r in rows if r["metric"] == "metal less plastic (dB)"
-    }
-    figures = {"turntable_brightness": lambda: _figure(turns)}
-    return Result("turntable_material", rows, figures, metrics, rotations.keys_of_both(turns))
+    rows = table_rows(config, frame, cells)
+    contrasts = [r for r in rows if r["metric"] == "metal less plastic (dB)" and not r.get("twin")]
+    metrics = {f"metal_less_plastic_{r['of']}_{r['distance_m']:g}m_db": r["value"] for r in contrasts}
+    return Result(TABLE.name, rows, {"turntable_brightness": lambda: _figure(first_draw(frame))}, metrics, keys(frame))
 
 
-def _add_rows(rows: RowList, turns: dict[str, Turns], distance: float) -> None:
-    classes = by_class(turns[MEASURED], distance)
-    seeds = rows.config.profile.resamples, rows.config.seed
-    values = {
-        domain: {name: rotations.object_means(turns[domain], BRIGHTNESS, objects, distance) for name, objects in classes.items()}
-        for domain in COMPARED
-    }
-    for domain in COMPARED:
-        for name, objects in classes.items():
-            case = {"case": name, "distance_m": distance, "of": LABELS[domain]}
-            rows.add_mean(case, "brightness at 1 m (dB)", values[domain][name], rotations.keys(turns[domain], objects, distance))
-        for dim, claim in (("plastic", OVER), ("ceramic", NONE)):
-            if "metal" in classes and dim in classes:
-                found = statistics.difference(values[domain]["metal"], values[domain][dim], *seeds)
-                case = {"case": "all of similar size", "distance_m": distance, "of": LABELS[domain]}
-                source = rotations.keys(turns[domain], [*classes["metal"], *classes[dim]], distance)
-                rows.add(case, f"metal less {dim} (dB)", found, source, claim)
-    for dim, metric, sign, claim in (
-        ("plastic", "excess of contrast (dB)", 1, EXAGGERATES),
-        ("ceramic", "mug, relative to the cans (dB)", -1, DIM_MUG),
-    ):
-        if dim in classes and "metal" in classes:
-            gaps = {name: values[TWIN][name] - values[MEASURED][name] for name in ("metal", dim)}
-            found = statistics.difference(sign * gaps["metal"], sign * gaps[dim], *seeds)
-            case = {"case": "all of similar size", "distance_m": distance, "of": "simulated less measured"}
-            rows.add(case, metric, found, rotations.keys_of_both(turns, [*classes["metal"], *classes[dim]], distance), claim)
+def cells(frame: Frame) -> Iterator[Cell]:
+    """Declare the brightness of each class, the contrasts of metal to the other classes, and the errors of these contrasts."""
+    brightness = per(BRIGHTNESS)
+    for distance, here in similar(frame):
+        classes = [kind for kind in CLASSES if kind in set(here.material_class)]
+        pairs = {kind: ("metal", kind) for kind in EXCESS if {"metal", kind} <= set(classes)}
+        for domain in COMPARED:
+            at, of = {"distance_m": distance, "of": LABELS[domain]}, here[here.domain == domain]
+            for kind in classes:
+                yield Cell({"case": kind, **at}, "brightness at 1 m (dB)", of[of.material_class == kind], mean(brightness))
+            for kind, pair in pairs.items():
+                contrast, claim = difference(brightness, "material_class", *pair), OVER if kind == "plastic" else NONE
+                yield Cell({"case": ALL, **at}, f"metal less {kind} (dB)", of[of.material_class.isin(pair)], contrast, claim)
+        for kind, pair in pairs.items():
+            error, metric, claim = EXCESS[kind]
+            case, of = {"case": ALL, "distance_m": distance, "of": "simulated less measured"}, here[here.material_class.isin(pair)]
+            yield Cell(case, metric, of, difference(error, "material_class", *pair), claim)
 
 
-def compared_distances(turns: Turns) -> list[float]:
-    """Return the distances in metres that have objects of two material classes or more."""
-    return [distance for distance in rotations.distances_m(turns) if len(by_class(turns, distance)) > 1]
+def similar(frame: Frame) -> list[tuple[float, Frame]]:
+    """Return (distance in metres, recordings of objects of similar size) for the distances with objects of two material classes or more."""
+    groups = frame[frame.object != REFLECTOR].groupby("distance_m")
+    return [(distance, here) for distance, here in groups if here.material_class.nunique() > 1]
 
 
-def by_class(turns: Turns, distance: float) -> dict[str, list[str]]:
-    """Return {material class: objects of similar size} at a distance. Classes without objects are left out."""
-    known = catalogue()
-    here = [name for name, at in turns if at == distance and name != REFLECTOR]
-    classes = {kind: [name for name in here if known[name].material_class == kind] for kind in CLASSES}
-    return {kind: names for kind, names in classes.items() if names}
-
-
-def _figure(turns: dict[str, Turns]) -> Figure:
+def _figure(frame: Frame) -> Figure:
     """Draw the measured and simulated brightness of every object by material class, with one panel per distance."""
-    where = compared_distances(turns[MEASURED])
+    where = similar(frame)
     drawing, panels = figure(1, len(where), width_in=panels_width_in(len(where)), height_in=2.8, sharey=True, squeeze=False)
-    for panel, distance in zip(panels[0], where, strict=True):
-        reflector = [REFLECTOR] if (REFLECTOR, distance) in turns[MEASURED] else []
-        classes = {"reflector": reflector, **by_class(turns[MEASURED], distance)}
-        for i, names in enumerate(classes.values()):
+    for panel, (distance, here) in zip(panels[0], where, strict=True):
+        reflector = frame[(frame.object == REFLECTOR) & (frame.distance_m == distance)]
+        classes = {"reflector": reflector, **{kind: here[here.material_class == kind] for kind in CLASSES}}
+        classes = {kind: of for kind, of in classes.items() if len(of) or kind == "reflector"}
+        for i, of in enumerate(classes.values()):
             for (domain, (colour, marker)), shift in zip(DOMAIN_STYLES.items(), (-0.15, 0.15), strict=True):
-                if names:
-                    values = rotations.object_means(turns[domain], BRIGHTNESS, names, distance)
+                if len(of):
+                    values = per(BRIGHTNESS, domain)(of)
                     label = LABELS[domain] if i == 1 else None
-                    panel.plot(np.full(len(names), i + shift), values, marker, color=colour, ms=4, alpha=0.8, label=label)
+                    panel.plot(np.full(len(values), i + shift), values, marker, color=colour, ms=4, alpha=0.8, label=label)
                     panel.plot([i + shift - 0.12, i + shift + 0.12], [values.mean()] * 2, color=colour, lw=2)
         panel.set_xticks(range(len(classes)), list(classes), rotation=30, ha="right")
         panel.set(title=f"{distance:g} m")

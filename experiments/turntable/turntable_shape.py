@@ -11,23 +11,22 @@ ranges lies in the target gate in at least half of its measured recordings; the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments import draws, statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN
-from experiments.campaign.source import RecordingSource
-from experiments.claims import BELOW, NONE, Claim, RowList
+from experiments.campaign.frame import Column, Frame
+from experiments.cells import Cell, first_draw, keys, mantel, mean, paired, per, rank_correlation, table_rows, using
+from experiments.claims import BELOW, NONE, Claim
 from experiments.drawing import DOMAIN_STYLES, legend_above
 from experiments.statistics import Estimate
-from experiments.turntable import rotations
 from experiments.turntable.facet_ripple import ripple_rows
-from experiments.turntable.rotations import Turns
 from radartwin.config.config import Config
+from radartwin.errors import InputError
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.runs.experiment import Result, Table
@@ -48,8 +47,10 @@ TABLE = Table(
     "domains. Intervals are 95 % bootstraps over items. n counts recordings.",
 )
 
+MOTIONS = ("turntable",)
 RATIO = "harmonic_ratio"
 SHAPE_FEATURES = (RATIO, *(f"harmonic_{m}" for m in range(1, 7)), "crest_factor", "entropy", "azimuth_extent_rad")
+LOWEST = 1e-12  # the harmonic ratio of a round object without noise is exactly zero
 PERMUTATIONS = 999  # the smallest possible p is then 0.001, as in the paper
 LOWEST_SHOWN = 1e-4  # lower end of the axis of harmonic ratios; a simulated can has a ratio of zero
 
@@ -61,189 +62,168 @@ ALIKE = Claim("", "0.76")
 OWN = Claim("a measured signature is more similar to the simulation of the same object than to that of other objects", bound=0.05, null=0.0)
 _STABLE = "the reflector's ratio is stable with distance: it varies less than between objects"
 STABLE_M = (0.6, 2.1)  # the paper's distances; at smaller distances the wavefront is curved across the reflector
-Similarity = Mapping[tuple[str, str], NDArray[np.float64]]  # [measured object, simulated object]: SSIM values
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, progress))
+    return score(config, draws.frame(config, store, progress, MOTIONS))
 
 
-def score(config: Config, source: RecordingSource, progress: Progress, ripple: bool = True) -> Result:
-    """Build the table rows and figures. `ripple` adds the rows of the module facet_ripple."""
-    turns = rotations.read(source, progress)
-    names = rotations.objects(turns[MEASURED])
-    similar = similarity(turns, names)
-    rows = RowList(config)
-    _add_ratios(rows, turns, names)
-    _add_orders(rows, turns, names)
-    _add_signatures(rows, turns, names, similar)
-    _add_distances(rows, turns, names)
+def score(config: Config, frame: Frame, ripple: bool = True) -> Result:
+    """Build the table rows and figures. `ripple` adds the rows of the module facet_ripple.
+
+    Raises InputError if the recordings differ in the number of frames per revolution.
+    """
+    if len(frames := sorted({len(one) for one in frame.signature})) > 1:
+        raise InputError(
+            f"revolutions of {' and '.join(map(str, frames))} frames cannot be compared; record all turntables at one frame rate and period"
+        )
+    rows = table_rows(config, frame, cells)
     if ripple:
-        rows += ripple_rows(config)
+        rows += draws.joined_rows([ripple_rows(config)])
+    first = first_draw(frame)
     figures: dict[str, Callable[[], Figure]] = {
-        "turntable_ssim": lambda: _ssim_figure(names, similar),
-        "turntable_ranking": lambda: _ranking_figure(turns, names),
+        "turntable_ssim": lambda: _ssim_figure(similarity(first)),
+        "turntable_ranking": lambda: _ranking_figure(first),
     }
     headline = {"order of objects": "spearman", "distances between objects": "mantel_r", "signatures": "ssim_mean"}
     metrics = {headline[r["metric"]]: r["value"] for r in rows if r["metric"] in headline and r["case"] == "all objects"}
-    return Result("turntable_shape", rows, figures, metrics, rotations.keys_of_both(turns))
+    return Result(TABLE.name, rows, figures, metrics, keys(frame))
 
 
-def similarity(turns: dict[str, Turns], names: list[str]) -> Similarity:
-    """Compute for each pair of objects the SSIM of the measured signatures of the first with the simulated signatures of the second."""
-    return {
-        (first, second): np.array([
-            statistics.ssim(one.signature, other.signature)
-            for (name, distance), some in turns[MEASURED].items() if name == first
-            for one in some for other in turns[TWIN].get((second, distance), ())
-        ])
-        for first in names for second in names
-    }  # fmt: skip
+def cells(frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of one draw."""
+    yield from _ratios(frame)
+    yield from _orders(frame)
+    yield from _signatures(frame)
+    yield from _distances(frame)
 
 
 def _case(label: str, of: str = "both", distance_m: float | None = None) -> dict[str, str | float | None]:
     return {"case": label, "distance_m": distance_m, "of": of}
 
 
-def _add_ratios(rows: RowList, turns: dict[str, Turns], names: list[str]) -> None:
-    """Add the harmonic ratio of each object in each domain, and the factor between the ratios of objects that are not round (`peaked`) and
-    of the cans.
+def _ratios(frame: Frame) -> Iterator[Cell]:
+    """Declare the harmonic ratio of each object in each domain, and the factor between the ratios of objects that are not round (peaked)
+    and of the cans.
     """
-    known = catalogue()
-    cans = [name for name in names if rotations.is_can(name)]
-    peaked = [name for name in names if known[name].shape != "symmetric"]
+    can, peaked = frame.object.map(is_can), frame["shape"] != "symmetric"
     for domain in COMPARED:
-        for name in names:
-            paper = ("0.03-0.18" if name in cans else "0.72-2.5" if name in peaked else "") if domain == MEASURED else ""
-            values, source = rotations.samples(turns[domain], RATIO, name), rotations.keys(turns[domain], [name])
-            rows.add_mean(
-                _case(known[name].label, LABELS[domain]), "angular harmonic ratio", values, source, Claim(paper=paper), statistics.POSITIVE
-            )
-        if cans and peaked:
-            found = _separation(rows.config, turns[domain], cans, peaked)
-            source = rotations.keys(turns[domain], [*cans, *peaked])
-            rows.add(_case("peaked over cans", LABELS[domain]), "ratio of harmonic ratios", found, source, SPLIT)
+        of = frame[frame.domain == domain]
+        for name, some in of.groupby("object", sort=False):
+            paper = ("0.03-0.18" if can[some.index[0]] else "0.72-2.5" if peaked[some.index[0]] else "") if domain == MEASURED else ""
+            case = _case(catalogue()[name].label, LABELS[domain])
+            yield Cell(case, "angular harmonic ratio", some, mean(RATIO, statistics.POSITIVE), Claim(paper=paper))
+        if can.any() and peaked.any():
+            case = _case("peaked over cans", LABELS[domain])
+            yield Cell(case, "ratio of harmonic ratios", of[(can | peaked)[of.index]], _separation, SPLIT)
 
 
-def _separation(config: Config, turns: Turns, cans: list[str], peaked: list[str]) -> Estimate:
-    """Estimate the geometric mean of the harmonic ratios of the `peaked` objects over that of the cans, from the mean ratio of each object,
-    with a bootstrap over objects.
+def _separation(rows: Frame, resamples: int, seed: int) -> Estimate:
+    """Estimate the geometric mean of the harmonic ratios of the objects that are not round over that of the cans, from the mean ratio of
+    each object, with a bootstrap over objects.
     """
-    logs = (np.log(_positive(rotations.object_means(turns, RATIO, names))) for names in (peaked, cans))
-    found = statistics.difference(*logs, config.profile.resamples, config.seed)
+    logs = np.log(per(RATIO)(rows).clip(lower=LOWEST))
+    cans = logs.index.map(is_can)
+    found = statistics.difference(logs[~cans].to_numpy(), logs[cans].to_numpy(), resamples, seed)
+    assert found.drawn is not None
     ratios = (np.exp(one) for one in (found.value, found.low, found.high))
     return replace(found, **dict(zip(("value", "low", "high"), map(float, ratios), strict=True)), drawn=np.exp(found.drawn),
                    limits=statistics.POSITIVE, scale=statistics.LOG)  # fmt: skip
 
 
-def _add_orders(rows: RowList, turns: dict[str, Turns], names: list[str]) -> None:
-    """Add rank correlations of the harmonic ratio over objects (pooled and for each distance), and the Mantel test in feature space."""
-    clean = [name for name in names if np.mean([turn.localised for turn in rotations.chosen(turns[MEASURED], [name])]) >= 0.5]
-    cases: list[tuple[str, list[str], float | None, Claim]] = [("all objects", names, None, ORDER)]
-    cases += [("cleanly localised objects", clean, None, CLEAN)]
-    cases += [("all objects at one distance", names, distance, NONE) for distance in rotations.distances_m(turns[MEASURED])]
-    for label, some, distance, claim in cases:
-        here = [name for name in some if distance is None or (name, distance) in turns[MEASURED]]
-        if len(here) < 3:
-            continue
-        first, second = (rotations.object_means(turns[domain], RATIO, here, distance) for domain in COMPARED)
-        found = statistics.spearman(first, second, rows.config.seed)
-        source = rotations.keys_of_both(turns, here, distance)
-        rows.add(_case(label, distance_m=distance), "order of objects", found, source, claim)
-    if len(names) > 2:
-        first, second = (distance_matrix(turns[domain], names) for domain in COMPARED)
-        found = statistics.mantel(first, second, rows.config.seed)
-        rows.add(_case("all objects"), "distances between objects", found, rotations.keys_of_both(turns, names), STRUCTURE)
+def _orders(frame: Frame) -> Iterator[Cell]:
+    """Declare rank correlations of the harmonic ratio over objects (pooled and for each distance), and the Mantel test in feature space."""
+    localised = frame[frame.domain == MEASURED].groupby("object").localised.mean()
+    clean = frame[frame.object.isin(localised.index[localised >= 0.5])]
+    cases = [("all objects", None, frame, ORDER), ("cleanly localised objects", None, clean, CLEAN)]
+    cases += [("all objects at one distance", distance, here, NONE) for distance, here in frame.groupby("distance_m")]
+    order = rank_correlation(per(RATIO, MEASURED), per(RATIO, TWIN))
+    for label, distance, some, claim in cases:
+        if some.object.nunique() > 2:
+            yield Cell(_case(label, distance_m=distance), "order of objects", some, order, claim)
+    if frame.object.nunique() > 2:
+        yield Cell(_case("all objects"), "distances between objects", frame, mantel(SHAPE_FEATURES), STRUCTURE)
 
 
-def distance_matrix(turns: Turns, names: list[str]) -> NDArray[np.float64]:
-    """Return Euclidean distances (objects, objects) between mean shape features, each scaled to unit standard deviation over objects."""
-    from scipy.spatial.distance import pdist, squareform
-
-    values = np.stack([rotations.object_means(turns, feature, names) for feature in SHAPE_FEATURES], axis=1)
-    spread = values.std(axis=0)
-    return squareform(pdist((values - values.mean(axis=0)) / np.where(spread > 0, spread, 1.0)))
+def is_can(name: str) -> bool:
+    """Return whether an object is one of the six cans that differ only in height."""
+    return "can_" in name
 
 
-def _add_signatures(rows: RowList, turns: dict[str, Turns], names: list[str], similar: Similarity) -> None:
-    for name in names:
-        source = rotations.keys_of_both(turns, [name])
-        rows.add_mean(_case(catalogue()[name].label), "signature (SSIM)", similar[name, name], source, NONE, statistics.SIGNED)
-    own = np.array([similar[name, name].mean() for name in names])
-    every = rotations.keys_of_both(turns, names)
-    rows.add_mean(_case("all objects"), "signatures", own, every, ALIKE, statistics.SIGNED)
-    if len(names) > 1:
-        others = np.array([np.mean([similar[name, other].mean() for other in names if other != name]) for name in names])
-        rows.add_mean(_case("all objects"), "own signature less others'", own - others, every, OWN)
+def similarity(frame: Frame) -> Frame:
+    """Return `paired` recordings at equal distance, with the SSIM of their signatures in the column `ssim`."""
+    pairs = paired(frame[["domain", "object", "distance_m", "signature"]], ["distance_m"])
+    return pairs.assign(ssim=[statistics.ssim(*both) for both in zip(pairs.signature, pairs.signature_twin, strict=True)])
 
 
-def _add_distances(rows: RowList, turns: dict[str, Turns], names: list[str]) -> None:
-    """Add rows on the variation of the harmonic ratio with distance, for the corner reflector and as a mean over objects.
+def own_and_others(similar: Frame) -> tuple[Column, Frame]:
+    """Return the mean SSIM of each measured object with its own simulation (objects,), and with the simulation of each other object
+    (objects, objects), which is NaN for the object itself.
+    """
+    means = similar.groupby(["object", "object_twin"], sort=False).ssim.mean().unstack().reindex(similar.object.unique())
+    itself = means.index.to_numpy()[:, None] == means.columns.to_numpy()
+    return means.where(itself).max(axis=1), means.mask(itself)
+
+
+def _signatures(frame: Frame) -> Iterator[Cell]:
+    similar = similarity(frame)
+    for name, some in frame.groupby("object", sort=False):
+        own = similar.ssim[(similar.object == name) & (similar.object_twin == name)].to_numpy()
+        yield Cell(_case(catalogue()[name].label), "signature (SSIM)", some, mean(own, statistics.SIGNED))
+    own, others = own_and_others(similar)
+    yield Cell(_case("all objects"), "signatures", frame, mean(own, statistics.SIGNED), ALIKE)
+    if len(own) > 1:
+        yield Cell(_case("all objects"), "own signature less others'", frame, mean(own - others.mean(axis=1)), OWN)
+
+
+def _distances(frame: Frame) -> Iterator[Cell]:
+    """Declare the variation of the harmonic ratio with distance, for the corner reflector and as a mean over objects.
 
     The claim is that the harmonic ratio of the corner reflector varies less with distance than the harmonic ratio varies between objects.
     """
-    seeds = rows.config.profile.resamples, rows.config.seed
     metric = "variation over distance"
     for domain in COMPARED:
-        between = statistics.coefficient_of_variation(_positive(rotations.object_means(turns[domain], RATIO, names)), *seeds).value
-        claimed = Claim(_STABLE, "0.07", bound=between, direction=BELOW) if domain == MEASURED else NONE
+        of = frame[frame.domain == domain]
+        ratios = of.groupby(["object", "distance_m"], sort=False)[RATIO].mean().clip(lower=LOWEST).unstack().reindex(of.object.unique())
+        objects, spread = ratios.mean(axis=1), (ratios.std(axis=1) / ratios.mean(axis=1)).dropna()
+        claimed = Claim(_STABLE, "0.07", bound=float(objects.std() / objects.mean()), direction=BELOW) if domain == MEASURED else NONE
         for label, (low, high), claim in (("reflector, 0.6-2.1 m", STABLE_M, claimed), ("reflector, all distances", (0.0, np.inf), NONE)):
-            values = _over_distance(turns[domain], REFLECTOR, low, high)
-            if len(values) > 1:
-                found = statistics.coefficient_of_variation(values, *seeds)
-                source = [turn.key for turn in rotations.chosen(turns[domain], [REFLECTOR]) if low <= turn.case.distance_m <= high]
-                rows.add(_case(label, LABELS[domain]), metric, found, source, claim)
-        several = {name: values for name in names if len(values := _over_distance(turns[domain], name)) > 1}
-        if several:
-            variations = [statistics.coefficient_of_variation(values, *seeds).value for values in several.values()]
-            rows.add_mean(
-                _case("mean of objects", LABELS[domain]),
-                metric,
-                variations,
-                rotations.keys(turns[domain], list(several)),
-                NONE,
-                statistics.POSITIVE,
-            )
+            some = of[(of.object == REFLECTOR) & of.distance_m.between(low, high)]
+            if some.distance_m.nunique() > 1:
+                values = ratios.loc[REFLECTOR, some.distance_m.unique()]
+                yield Cell(_case(label, LABELS[domain]), metric, some, using(statistics.coefficient_of_variation, values), claim)
+        if len(spread):
+            some = of[of.object.isin(spread.index)]
+            yield Cell(_case("mean of objects", LABELS[domain]), metric, some, mean(spread, statistics.POSITIVE))
 
 
-def _over_distance(turns: Turns, name: str, low_m: float = 0.0, high_m: float = np.inf) -> NDArray[np.float64]:
-    """Return the harmonic ratio of one object at each distance, as a mean over repetitions."""
-    some = [turn for (known, distance), turn in turns.items() if known == name and low_m <= distance <= high_m]
-    return _positive(np.array([np.mean([one.values[RATIO] for one in turn]) for turn in some]))
-
-
-def _positive(values: NDArray) -> NDArray[np.float64]:
-    """Raise the values to at least 1e-12, because the harmonic ratio of a round object without noise is exactly zero."""
-    return np.maximum(values, 1e-12)
-
-
-def _ssim_figure(names: list[str], similar: Similarity) -> Figure:
+def _ssim_figure(similar: Frame) -> Figure:
     """Draw the SSIM of each measured object with its own simulation as bars, and with the simulations of other objects as dots."""
     drawing, axes = figure(1, 1, width_in=PAGE_WIDTH_IN * 0.75, height_in=2.8)
-    own = np.array([similar[name, name].mean() for name in names])
-    place = np.arange(len(names))
+    own, others = own_and_others(similar)
+    place = np.arange(len(own))
     axes.bar(place, own, color=PALETTE[5], label=f"own twin, mean {own.mean():.2f}")
-    for i, name in enumerate(names):
-        others = [similar[name, other].mean() for other in names if other != name]
+    for i, values in enumerate(others.to_numpy()):
         label = "other objects' twins" if i == 0 else None
-        axes.plot(np.full(len(others), i), others, ".", ms=5, color="white", mec="black", mew=0.6, label=label)
+        axes.plot(np.full(len(values), i), values, ".", ms=5, color="white", mec="black", mew=0.6, label=label)
     axes.axhline(0.76, color=PALETTE[1], lw=1.2, ls="--", label="mean of the paper, 0.76")
     axes.set(ylabel="SSIM of signatures", ylim=(0, 1.05))
-    axes.set_xticks(place, [catalogue()[name].label for name in names], rotation=40, ha="right")
+    axes.set_xticks(place, [catalogue()[name].label for name in own.index], rotation=40, ha="right")
     drawing.legend(loc="outside upper center", ncols=3)
     return drawing
 
 
-def _ranking_figure(turns: dict[str, Turns], names: list[str]) -> Figure:
+def _ranking_figure(frame: Frame) -> Figure:
     """Draw the harmonic ratio of each object, measured and simulated, with its extremes over recordings, sorted by the measured ratio."""
     drawing, axes = figure(1, 1, width_in=PAGE_WIDTH_IN * 0.6, height_in=3.0)
-    order = [names[i] for i in np.argsort(rotations.object_means(turns[MEASURED], RATIO, names))]
+    order = per(RATIO, MEASURED)(frame).sort_values().index
     place = np.arange(len(order))
     for (domain, (colour, marker)), shift in zip(DOMAIN_STYLES.items(), (0.12, -0.12), strict=True):
+        of = frame[frame.domain == domain]
+        span = of.groupby("object")[RATIO].agg(["min", "max"]).clip(lower=LOWEST_SHOWN)
         for i, name in enumerate(order):
-            values = np.maximum(rotations.samples(turns[domain], RATIO, name), LOWEST_SHOWN)
-            axes.plot([values.min(), values.max()], [i + shift] * 2, color=colour, lw=1)
-        means = np.maximum(rotations.object_means(turns[domain], RATIO, order), LOWEST_SHOWN)
+            axes.plot(span.loc[name], [i + shift] * 2, color=colour, lw=1)
+        means = per(RATIO)(of)[order].clip(lower=LOWEST_SHOWN)
         axes.plot(means, place + shift, marker, ms=5, color=colour, label=LABELS[domain])
     axes.set_yticks(place, [f"{catalogue()[name].label} ({catalogue()[name].shape})" for name in order])
     axes.set(xscale="log", xlabel=f"angular harmonic ratio ({LOWEST_SHOWN:g}: or less)")

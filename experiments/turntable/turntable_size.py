@@ -8,19 +8,20 @@ the whole mesh and may show a trend.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from experiments import draws, statistics
-from experiments.campaign.cases import COMPARED, LABELS, MEASURED
-from experiments.campaign.source import RecordingSource
-from experiments.claims import EQUAL, NONE, Claim, RowList
+from experiments.campaign.cases import COMPARED, LABELS
+from experiments.campaign.frame import Frame
+from experiments.cells import Cell, first_draw, keys, per, rank_correlation, table_rows, using
+from experiments.claims import EQUAL, NONE, Claim
 from experiments.drawing import DOMAIN_STYLES, legend_above, panels_width_in
 from experiments.statistics import Estimate
-from experiments.turntable import rotations
-from experiments.turntable.rotations import Turns
+from experiments.turntable.turntable_shape import is_can
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features.sets import BRIGHTNESS
@@ -40,27 +41,39 @@ TABLE = Table(
     "exact p) and slope of brightness over height (Theil-Sen). Intervals are 95 % bootstraps over cans.",
 )
 
+MOTIONS = ("turntable",)
 # a rank correlation of 0.5 explains a quarter of the variance of the ranks
 NO_TREND = Claim("no consistent trend with the height of a can", "none", direction=EQUAL, null=0.0, margin=0.5)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, progress))
+    return score(config, draws.frame(config, store, progress, MOTIONS))
 
 
-def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
-    """Build the rows for each distance and domain (measured, simulated). Raises ConfigError if the campaign has fewer than three cans."""
-    turns = rotations.read(source, progress)
-    cans = [name for name in rotations.objects(turns[MEASURED]) if rotations.is_can(name)]
-    if len(cans) < 3:
-        raise ConfigError(f"turntable_size needs three cans or more, but the campaign has {len(cans)}; add cans to profile.campaign")
-    rows = RowList(config)
-    for distance in (*rotations.distances_m(turns[MEASURED]), None):
-        for domain in COMPARED:
-            _add_rows(rows, turns[domain], domain, cans, distance)
+def score(config: Config, frame: Frame) -> Result:
+    """Build the rows for each distance and domain (measured, simulated). Raises ConfigError if the frame has fewer than three cans."""
+    cans = frame[frame.object.map(is_can)]
+    if (count := cans.object.nunique()) < 3:
+        raise ConfigError(f"turntable_size needs three cans or more, but the campaign has {count}; add cans to profile.campaign")
+    rows = table_rows(config, cans, cells)
     metrics = {f"order_by_height_{r['of']}": r["value"] for r in rows if r["metric"] == "order by height" and r["distance_m"] is None}
-    figures = {"turntable_size": lambda: _figure(turns, cans)}
-    return Result("turntable_size", rows, figures, metrics, rotations.keys_of_both(turns, cans))
+    return Result(TABLE.name, rows, {"turntable_size": lambda: _figure(first_draw(cans))}, metrics, keys(cans))
+
+
+def cells(frame: Frame) -> Iterator[Cell]:
+    """Declare the order and the slope of the brightness over the heights of the cans, at each distance and over all distances."""
+    for distance, here in [*frame.groupby("distance_m"), (None, frame)]:
+        for domain, claim in zip(COMPARED, (NO_TREND if distance is None else NONE, NONE), strict=True):
+            of = here[here.domain == domain]
+            if of.object.nunique() > 2:
+                case = {"case": "cans", "distance_m": distance, "of": LABELS[domain]}
+                order = rank_correlation(heights_m, per(BRIGHTNESS))
+                yield Cell(case, "order by height", of, order, claim)
+                yield Cell(case, "per doubling of height (dB)", of, using(slope_db, heights_m, per(BRIGHTNESS)))
+
+
+def heights_m(rows: Frame) -> NDArray[np.float64]:
+    return np.array([catalogue()[name].size_m[2] for name in rows.object.unique()])
 
 
 def slope_db(height_m: NDArray, brightness_db: NDArray, resamples: int, seed: int) -> Estimate:
@@ -84,30 +97,15 @@ def slope_db(height_m: NDArray, brightness_db: NDArray, resamples: int, seed: in
     return statistics.resampled(slope(np.arange(len(octaves))), drawn, len(octaves))
 
 
-def _add_rows(rows: RowList, turns: Turns, domain: str, cans: list[str], distance: float | None) -> None:
-    here = [name for name in cans if distance is None or (name, distance) in turns]
-    if len(here) < 3:
-        return
-    height_m = np.array([catalogue()[name].size_m[2] for name in here])
-    brightness = rotations.object_means(turns, BRIGHTNESS, here, distance)
-    case = {"case": "cans", "distance_m": distance, "of": LABELS[domain]}
-    source = rotations.keys(turns, here, distance)
-    resamples, seed = rows.config.profile.resamples, rows.config.seed
-    order = statistics.spearman(height_m, brightness, seed)
-    rows.add(case, "order by height", order, source, NO_TREND if domain == MEASURED and distance is None else NONE)
-    rows.add(case, "per doubling of height (dB)", slope_db(height_m, brightness, resamples, seed), source)
-
-
-def _figure(turns: dict[str, Turns], cans: list[str]) -> Figure:
+def _figure(cans: Frame) -> Figure:
     """Draw brightness in decibels against height, with one panel per distance."""
-    where = [d for d in rotations.distances_m(turns[MEASURED]) if sum((name, d) in turns[MEASURED] for name in cans) > 2]
+    where = [(distance, here) for distance, here in cans.groupby("distance_m") if here.object.nunique() > 2]
     drawing, panels = figure(1, len(where), width_in=panels_width_in(len(where)), height_in=2.5, sharey=True, squeeze=False)
-    for panel, distance in zip(panels[0], where, strict=True):
-        here = [name for name in cans if (name, distance) in turns[MEASURED]]
-        height = np.array([1000 * catalogue()[name].size_m[2] for name in here])
+    for panel, (distance, here) in zip(panels[0], where, strict=True):
+        height = 1000 * heights_m(here)
         order = np.argsort(height)
         for domain, (colour, marker) in DOMAIN_STYLES.items():
-            values = rotations.object_means(turns[domain], BRIGHTNESS, here, distance)
+            values = per(BRIGHTNESS, domain)(here).to_numpy()
             panel.plot(height[order], values[order], marker + "-", color=colour, ms=4, lw=0.8, label=LABELS[domain])
         panel.set(title=f"{distance:g} m", xlabel="height of the can (mm)")
         panel.grid(axis="y", color="0.9", lw=0.5)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from experiments.campaign import frame
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import Case, Motion, course, log
 from experiments.campaign.export import export
@@ -41,6 +43,11 @@ def configured(folder: Path, *more: str) -> Config:
 
 def campaign_of(config: Config) -> Campaign:
     return Campaign(config, Store(Path(config.output) / "cache"), Progress(quiet=True))
+
+
+def frame_of(config: Config) -> frame.Frame:
+    """Return the frame of the table `environment`, which the store keeps."""
+    return environment.read(config, campaign_of(config), partial(frame.stored, progress=Progress(quiet=True)))
 
 
 @pytest.fixture(scope="module")
@@ -88,9 +95,7 @@ def test_both_providers_give_the_same_processed_bytes(folder: Path) -> None:
 
 
 def test_an_experiment_gives_the_same_values_for_both_providers(folder: Path) -> None:
-    testbed, recordings = (
-        environment.score(config, campaign_of(config), Progress(quiet=True)).rows for config in (configured(folder), recorded(folder))
-    )
+    testbed, recordings = (environment.score(config, frame_of(config)).rows for config in (configured(folder), recorded(folder)))
     assert len(testbed) == len(recordings) == 4  # two correlations of the simulation without a room, and two energy shares
     for one, other in zip(testbed, recordings, strict=True):
         assert (one["domain"], other["domain"]) == ("testbed", "recordings")
@@ -148,7 +153,7 @@ def test_recordings_that_the_twin_cannot_simulate_are_left_out_and_counted(
 def test_a_set_that_does_not_fit_the_configuration_gives_a_one_line_error(folder: Path, more: list[str], words: str) -> None:
     config = recorded(folder, *more)
     with pytest.raises(UserError, match=words) as caught:
-        environment.score(config, campaign_of(config), Progress(quiet=True))
+        environment.score(config, frame_of(config))
     assert "\n" not in str(caught.value)
 
 

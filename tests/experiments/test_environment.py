@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 from fake_campaign import FakeCampaign, config, draw_all, find
 
+from experiments.campaign import frame
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import Case
 from experiments.claims import RowList
@@ -29,11 +32,13 @@ class Marked(FakeCampaign):
         return Nominal(log.frame_rate_hz, np.full(len(log.distance_m), case.distance_m), log.angle_rad)
 
 
+quiet = partial(frame.read, progress=Progress(quiet=True))
+
+
 def scored() -> Result:
-    chosen, quiet = config("environment"), Progress(quiet=True)
-    campaign = Marked(distances=(0.5, 1.0, 1.5, 2.0))
-    points = operating_points.read(chosen, {True: campaign, False: None}, quiet)
-    return environment.with_points(chosen, environment.score(chosen, campaign, quiet), points)
+    chosen, campaign = config("environment"), Marked(distances=(0.5, 1.0, 1.5, 2.0))
+    points = operating_points.read(chosen, {True: quiet(campaign, operating_points.wanted(chosen))})
+    return environment.with_points(chosen, environment.score(chosen, environment.read(chosen, campaign, quiet)), points)
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +68,7 @@ def test_the_labelled_room_is_the_default_and_plasterboard_is_a_second_set_of_ro
 def test_materials_void_and_uniform_leave_out_the_rows_that_they_repeat() -> None:
     for source, labels in (("void", {"void"}), ("uniform", {"void", "room (uniform)"})):
         chosen = config("environment", f"materials={source}", "experiment.distances_m=[1.0]")
-        result = environment.score(chosen, Marked(distances=(1.0,)), Progress(quiet=True))
+        result = environment.score(chosen, environment.read(chosen, Marked(distances=(1.0,)), quiet))
         assert {row["case"] for row in result.rows if row["metric"] == "profile correlation"} == labels
         assert not [row for row in result.rows if row["metric"] == COUNT]
 
@@ -87,8 +92,8 @@ def test_the_paper_profile_compares_eight_legs_and_antennas_with_and_without_lob
     assert LEGS_M["paper"] == pytest.approx(np.arange(5, 13) / 100)
     assert operating_points.compared_lobes(paper) == (True, False)
     assert operating_points.without_lobes(paper).measured.gap.antenna == 0
-    fake = Marked(distances=(0.5, 1.0, 1.5, 2.0), frames=14)
-    points = operating_points.read(paper, {True: fake, False: fake}, Progress(quiet=True))
+    fake = quiet(Marked(distances=(0.5, 1.0, 1.5, 2.0), frames=14), operating_points.wanted(paper))
+    points = operating_points.read(paper, {True: fake, False: fake})
     assert len(points) == 8 * 2 * 2 * 2
     store = Store(tmp_path)
     tasks = environment.recordings(paper, store, Progress(quiet=True)).values()

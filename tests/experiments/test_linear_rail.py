@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 from echoes import RADAR, echoes
-from fake_campaign import config, draw_all, find
+from fake_campaign import config, draw_all, find, frame_of
 
-from experiments.campaign.cases import Case, Motion
+from experiments.campaign.cases import RAIL, Case, Motion
 from experiments.turntable import linear_rail
 from radartwin.errors import ConfigError
 from radartwin.features.log import Nominal
 from radartwin.features.processed import Processed, process
-from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result
 
 FRAMES = 31
@@ -53,7 +52,7 @@ class Rail:
 
 
 def table(clutter: float) -> Result:
-    return linear_rail.score(config("linear_rail"), Rail(clutter), Progress())
+    return linear_rail.score(config("linear_rail"), frame_of(Rail(clutter), *RAIL))
 
 
 def test_both_trackers_match_the_rail_without_clutter() -> None:
@@ -89,7 +88,7 @@ def test_a_simulation_that_reads_too_far_does_not_shorten_the_measured_diagonal(
             moving = echoes(FRAMES, [(1e-3, lambda t: 1 + 0.7 * t / t.max())], 1e-5, 0)
             return f"{domain}{case.motion}", process(moving, doppler=False)
 
-    result = linear_rail.score(config("linear_rail"), Long(0.0), Progress())
+    result = linear_rail.score(config("linear_rail"), frame_of(Long(0.0), *RAIL))
     diagonal = {"motion": "diagonal", "tracker": "continuous"}
     twin = find(result, metric="measured less simulated excursion (m)", **diagonal)
     assert twin["high"] < -linear_rail.SHORTER_M
@@ -100,4 +99,4 @@ def test_a_simulation_that_reads_too_far_does_not_shorten_the_measured_diagonal(
 
 def test_a_campaign_without_rail_recordings_is_refused() -> None:
     with pytest.raises(ConfigError, match="no radial or diagonal recordings"):
-        linear_rail.score(config("linear_rail"), Rail(0.0, motions=()), Progress())
+        linear_rail.score(config("linear_rail"), frame_of(Rail(0.0, motions=()), *RAIL))

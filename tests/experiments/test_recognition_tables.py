@@ -318,7 +318,7 @@ def test_material_errors_are_zero_with_true_materials(profile: str, shares: int)
 
 def test_calibration_removes_a_gain_and_does_not_score_the_reflector():
     chosen = config("corner_reflector_calibration")
-    result = checked(corner_reflector_calibration.score(chosen, turntable(repetitions=3), Progress()))
+    result = checked(corner_reflector_calibration.score(chosen, fake_campaign.frame_of(turntable(repetitions=3))))
     before, after = (
         find(result, materials="metal", method=when) for when in (corner_reflector_calibration.BEFORE, corner_reflector_calibration.AFTER)
     )
@@ -334,7 +334,7 @@ def test_all_correct_has_the_exact_interval_and_one_object_has_none():
     given = RecognitionRows(config("contrastive")).share({}, np.ones((2, 8), bool), recordings, ["0" * 32], 0.45, Claim("above chance"))
     assert (given["low"], given["high"], given["verdict"]) == (pytest.approx(0.3976, abs=1e-4), 1.0, "undecided")
     one_place = turntable(distances=(1.0,), repetitions=1, objects=("can_211_300", "corner_reflector", "mug"))
-    rows = corner_reflector_calibration.score(config("corner_reflector_calibration"), one_place, Progress()).rows
+    rows = corner_reflector_calibration.score(config("corner_reflector_calibration"), fake_campaign.frame_of(one_place)).rows
     assert {row["verdict"] for row in rows} <= {"", "undecided"}
 
 

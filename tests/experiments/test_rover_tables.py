@@ -6,16 +6,15 @@ from collections.abc import Callable, Sequence
 from itertools import permutations
 
 import numpy as np
+import pandas as pd
 import pytest
-from fake_campaign import FakeCampaign, config, draw_all, find
-from numpy.typing import NDArray
+from fake_campaign import FakeCampaign, config, draw_all, find, frame_of
 from scipy.stats import rankdata
 
 from experiments import statistics
 from experiments.campaign.cases import COMPARED, ROVER
-from experiments.rover import drive_features, point_clouds, rover_disentangle, rover_fidelity
+from experiments.rover import point_clouds, rover_disentangle, rover_fidelity
 from radartwin.errors import ConfigError
-from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result
 from radartwin.scene.objects.catalogue import catalogue
 
@@ -30,7 +29,7 @@ def campaign(**changes) -> FakeCampaign:
 
 @pytest.fixture(scope="module")
 def fidelity() -> Result:
-    return rover_fidelity.score(config("rover_fidelity"), campaign(gap=0.05), Progress())
+    return rover_fidelity.score(config("rover_fidelity"), frame_of(campaign(gap=0.05), *ROVER))
 
 
 def test_a_nearly_exact_twin_orders_objects_alike(fidelity: Result) -> None:
@@ -62,7 +61,7 @@ def test_profiles_correlate_and_signs_agree_by_material(fidelity: Result) -> Non
 
 def test_enough_objects_decide_whether_the_contrast_has_one_sign() -> None:
     source = campaign(gap=0.05, rooms=("atrium",), objects=())
-    row = find(rover_fidelity.score(config("rover_fidelity"), source, Progress()), metric="share of places with one sign")
+    row = find(rover_fidelity.score(config("rover_fidelity"), frame_of(source, *ROVER)), metric="share of places with one sign")
     assert row["p"] == pytest.approx(1 / 210)  # six metals and four plastics
     assert row["verdict"] == "supported"
 
@@ -74,11 +73,11 @@ def test_the_share_that_orders_objects_alike_is_tested_by_permuting_the_objects(
     places = {("atrium", "depth", 1.0): names, ("atrium", "depth", 2.0): [*names[:2], *names[3:]]}
     values = {domain: {(name, place): rng.standard_normal(7) for place, some in places.items() for name in some} for domain in COMPARED}
 
-    def drive(features: NDArray) -> drive_features.Drive:
-        by_name = {str(i): float(one) for i, one in enumerate(features)}
-        return drive_features.Drive("k", by_name, np.ones((1, 2)), np.arange(2.0), 10.0, np.ones(1), np.ones(1), np.ones(1), None)
-
-    drives = {domain: {at: [drive(features)] for at, features in known.items()} for domain, known in values.items()}
+    frame = pd.DataFrame([
+        {"domain": domain, "object": name, "room": place[0], "motion": place[1], "distance_m": place[2]}
+        | {f"f{i}": one for i, one in enumerate(found)}
+        for domain, known in values.items() for (name, place), found in known.items()
+    ])  # fmt: skip
 
     def share(order: Sequence[str]) -> float:
         alike = []
@@ -89,7 +88,7 @@ def test_the_share_that_orders_objects_alike_is_tested_by_permuting_the_objects(
             alike += [np.corrcoef(rankdata(measured[:, f]), rankdata(simulated[:, f]))[0, 1] > 1e-9 for f in range(7)]
         return float(np.mean(alike))
 
-    found = rover_fidelity.share_alike(drives, list(places), 0)
+    found = rover_fidelity.share_alike(frame, 50, 0)
     shares = np.array([share(order) for order in permutations(sorted(names))])
     assert found.value == pytest.approx(shares[0])
     at_least, at_most = np.mean(shares >= shares[0] - 1e-9), np.mean(shares <= shares[0] + 1e-9)
@@ -128,7 +127,7 @@ def test_the_figures_are_drawn(fidelity: Result) -> None:
 
 def test_equal_objects_are_ordered_by_chance() -> None:
     source = campaign(signature=0.0, gap=0.3, motions=("depth",), rooms=("atrium",))
-    result = rover_fidelity.score(config("rover_fidelity"), source, Progress())
+    result = rover_fidelity.score(config("rover_fidelity"), frame_of(source, *ROVER))
     row = find(result, metric="share of features that order objects alike", room="atrium", motion="depth")
     assert row["verdict"] == "undecided"
 
@@ -137,10 +136,9 @@ def test_a_start_offset_is_removed_before_tracks_are_compared() -> None:
     time = np.arange(40) / 10
     pulse = np.exp(-((time - 2.0) ** 2))
 
-    def drive(late: int) -> drive_features.Drive:
+    def drive(late: int) -> rover_fidelity.Series:
         moved = np.roll(pulse, late)
-        track = 2 - 0.2 * (time - late / 10) + 0.1 * moved
-        return drive_features.Drive("k", {}, np.ones((40, 2)), np.arange(2.0), 10.0, track, track, moved, None)
+        return moved, 2 - 0.2 * (time - late / 10) + 0.1 * moved
 
     first, second = rover_fidelity.aligned(drive(0), drive(4))
     assert len(first) == len(second) == 36
@@ -148,14 +146,15 @@ def test_a_start_offset_is_removed_before_tracks_are_compared() -> None:
 
 
 def test_every_slice_and_factor_has_a_row() -> None:
-    result = rover_disentangle.score(config("rover_disentangle", "profile.resamples=50"), campaign(gap=2.0, motions=("depth",)), Progress())
+    frame = frame_of(campaign(gap=2.0, motions=("depth",)), *ROVER)
+    result = rover_disentangle.score(config("rover_disentangle", "profile.resamples=50"), frame)
     assert draw_all(result) == {"rover_slices"}
     assert {row["case"] for row in result.rows} >= {"object slice", "distance slice", "pooled", "matched", "object", "room"}
     for row in result.rows:
         assert row["low"] <= row["value"] <= row["high"]
 
 
-def cells(values: Callable[[str, str, float, np.random.Generator], tuple[float, float]]) -> rover_disentangle.Cells:
+def cells(values: Callable[[str, str, float, np.random.Generator], tuple[float, float]]) -> rover_disentangle.Levels:
     rng = np.random.default_rng(0)
     return {
         (name, room, distance): np.array(values(name, room, distance, rng))[:, None] * np.ones((1, 4))
@@ -174,7 +173,7 @@ def test_a_feature_of_distance_alone_correlates_pooled_but_not_matched() -> None
 def test_the_interval_over_four_objects_contains_the_true_share() -> None:
     rng = np.random.default_rng(0)
 
-    def drawn() -> rover_disentangle.Cells:
+    def drawn() -> rover_disentangle.Levels:
         """Return four objects in two rooms. The features of an object agree with a chance of its own, which is 0.5 in the mean."""
         made = {}
         for name in OBJECTS[:4]:
@@ -182,7 +181,7 @@ def test_the_interval_over_four_objects_contains_the_true_share() -> None:
             made |= {(name, room, 1.0): float(room == ROOMS[1]) * np.stack([np.ones(100), alike]) for room in ROOMS}
         return made
 
-    def share(some: rover_disentangle.Cells) -> float:
+    def share(some: rover_disentangle.Levels) -> float:
         return float(rover_disentangle.room_signs(some).mean())
 
     found = [rover_disentangle.bootstrap(drawn(), share, 60, seed, statistics.SHARE) for seed in range(100)]
@@ -222,11 +221,11 @@ def test_changes_in_the_same_direction_between_rooms_are_counted() -> None:
 
 def test_a_campaign_without_drives_is_refused() -> None:
     with pytest.raises(ConfigError, match="no depth or lateral recordings"):
-        rover_fidelity.score(config("rover_fidelity"), campaign(motions=("turntable",)), Progress())
+        rover_fidelity.score(config("rover_fidelity"), frame_of(campaign(motions=("turntable",)), *ROVER))
 
 
 def test_clouds_of_equal_recordings_agree_and_those_of_a_shifted_control_do_not() -> None:
-    result = point_clouds.score(config("point_clouds"), campaign(gap=0.0, motions=("depth",)), Progress())
+    result = point_clouds.score(config("point_clouds"), frame_of(campaign(gap=0.0, motions=("depth",)), *ROVER))
     for distance in (0.5, 1.0, 2.0):
         place = dict(room="atrium", motion="depth", distance_m=distance)
         assert find(result, metric=point_clouds.FOUND, **place)["value"] > 0.8
@@ -239,12 +238,12 @@ def test_clouds_of_equal_recordings_agree_and_those_of_a_shifted_control_do_not(
 
 def test_a_frame_without_detections_has_no_distance_and_no_share() -> None:
     none, one = np.zeros((0, 2)), np.array([[1.0, 0.0]])
-    found = point_clouds.compared(point_clouds.Clouds("a", [one, none]), point_clouds.Clouds("b", [one, one]))
+    found = point_clouds.compared([one, none], [one, one])
     assert (found[point_clouds.FOUND], found[point_clouds.EXTRA], found[point_clouds.CHAMFER]) == (1.0, 0.5, 0.0)
 
 
 def test_clouds_without_detections_have_no_distance() -> None:
     point, none = np.array([[1.0, 0.0]]), np.empty((0, 2))
-    found = point_clouds.compared(point_clouds.Clouds("a", [point]), point_clouds.Clouds("b", [none]))
+    found = point_clouds.compared([point], [none])
     assert found[point_clouds.FOUND] == 0
     assert np.isnan([found[point_clouds.CHAMFER], found[point_clouds.EXTRA]]).all()

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
+from fake_campaign import FakeCampaign
 
+from experiments.campaign import frame
 from experiments.complexity import sensitivity
 from experiments.complexity.sensitivity import COST, DEFAULT, ERROR, FIDELITY, FINEST, SETTINGS, SETUP, Twin, feature_error, table
 from radartwin.config.compose import compose
@@ -68,6 +72,16 @@ def test_run_key_contains_the_fidelity_tables(tmp_path) -> None:
     assert set(sensitivity.identity()["tables"]) == {module.__name__.split(".")[-1] for module in FIDELITY}
     with pytest.raises(ConfigError, match="materials=void is one of the settings"):
         sensitivity.run(compose(["experiment=sensitivity", "materials=void"]), Store(tmp_path), Progress(quiet=True))
+
+
+def test_fidelity_tables_are_read_from_frames_and_those_without_recordings_are_left_out(monkeypatch) -> None:
+    monkeypatch.setattr(sensitivity, "stored", frame.read)
+    campaign: Any = FakeCampaign(distances=(0.5, 1.0, 1.5, 2.0), repetitions=1, frames=16)
+    results = dict(sensitivity.fidelity(campaign, CONFIG, Progress(quiet=True)))
+    assert {table for table, _ in results} == {
+        "turntable_shape", "turntable_material", "turntable_size", "environment", "corner_reflector_calibration",
+    }  # fmt: skip
+    assert all(np.isfinite(value) and keys for value, keys in results.values())
 
 
 def test_every_setting_is_a_distinct_configuration() -> None:

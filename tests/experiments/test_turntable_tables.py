@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fake_campaign import FakeCampaign, config, draw_all, find
+from fake_campaign import FakeCampaign, config, draw_all, find, frame_of
 
 from experiments.turntable import facet_ripple, turntable_material, turntable_shape, turntable_size
 from radartwin.errors import ConfigError
 from radartwin.features.envelope import harmonic_ratio
-from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result
 
 
 @pytest.fixture(scope="module")
 def shape() -> Result:
     campaign = FakeCampaign(distances=(0.5, 1.0), repetitions=2, gap=0.05)
-    return turntable_shape.score(config("turntable_shape"), campaign, Progress(), ripple=False)
+    return turntable_shape.score(config("turntable_shape"), frame_of(campaign), ripple=False)
 
 
 def test_a_nearly_exact_twin_keeps_order_distances_and_signatures(shape: Result) -> None:
@@ -33,7 +32,7 @@ def test_a_nearly_exact_twin_keeps_order_distances_and_signatures(shape: Result)
 
 def test_equal_objects_have_no_order() -> None:
     campaign = FakeCampaign(distances=(1.0,), repetitions=2, signature=0.0)
-    result = turntable_shape.score(config("turntable_shape"), campaign, Progress(), ripple=False)
+    result = turntable_shape.score(config("turntable_shape"), frame_of(campaign), ripple=False)
     assert find(result, metric="order of objects", case="all objects")["verdict"] == "undecided"
     assert find(result, metric="distances between objects", case="all objects")["verdict"] == "undecided"
     assert find(result, metric="own signature less others'", case="all objects")["verdict"] == "contradicted"
@@ -61,7 +60,7 @@ def test_harmonic_ratios_follow_the_modulation_of_the_objects(shape: Result) -> 
 
 def test_a_campaign_without_turntable_is_refused() -> None:
     with pytest.raises(ConfigError, match="no turntable recordings"):
-        turntable_shape.score(config("turntable_shape"), FakeCampaign(motions=("depth",)), Progress())
+        turntable_shape.score(config("turntable_shape"), frame_of(FakeCampaign(motions=("depth",))))
 
 
 def test_flat_facets_ripple_at_their_number_and_curved_facets_do_not() -> None:
@@ -78,7 +77,7 @@ def test_brightness_follows_the_material_class() -> None:
     differ by up to 1.5 dB.
     """
     campaign = FakeCampaign(distances=(0.5, 1.0), repetitions=2, gap=0.02)
-    result = turntable_material.score(config("turntable_material"), campaign, Progress())
+    result = turntable_material.score(config("turntable_material"), frame_of(campaign))
     for distance in (0.5, 1.0):
         here = {
             (row["metric"], row["of"]): row for row in result.rows if row["distance_m"] == distance and row["case"] == "all of similar size"
@@ -102,14 +101,14 @@ def test_a_trend_with_height_is_distinguished_from_no_trend() -> None:
     assert flat.low < 0 < flat.high
     assert rising.value == pytest.approx(6, abs=1)
     assert rising.low > 3
-    result = turntable_size.score(config("turntable_size"), FakeCampaign(distances=(0.5, 1.0), repetitions=2), Progress())
+    result = turntable_size.score(config("turntable_size"), frame_of(FakeCampaign(distances=(0.5, 1.0), repetitions=2)))
     claimed = [row for row in result.rows if row["claim"]]
     assert [(row["of"], row["distance_m"], row["metric"]) for row in claimed] == [("measured", None, "order by height")]
     assert claimed[0]["verdict"] == "undecided"  # six cans are too few
     assert turntable_size.NO_TREND.margin == 0.5
     assert {row["distance_m"] for row in result.rows} == {0.5, 1.0, None}
     with pytest.raises(ConfigError, match="three cans"):
-        turntable_size.score(config("turntable_size"), FakeCampaign(objects=("mug", "mustard")), Progress())
+        turntable_size.score(config("turntable_size"), frame_of(FakeCampaign(objects=("mug", "mustard"))))
 
 
 def test_a_distance_with_the_reflector_alone_has_no_panel_and_no_row() -> None:
@@ -117,12 +116,12 @@ def test_a_distance_with_the_reflector_alone_has_no_panel_and_no_row() -> None:
         distances=(0.5, 1.0, 2.0), repetitions=1, keep=lambda domain, case: case.distance_m == 1.0 or case.object == "corner_reflector"
     )
     for module, name in ((turntable_material, "turntable_material"), (turntable_size, "turntable_size")):
-        result = module.score(config(name), campaign, Progress())
+        result = module.score(config(name), frame_of(campaign))
         assert {row["distance_m"] for row in result.rows} <= {1.0, None}
         assert [len(draw().axes) for draw in result.figures.values()] == [1]
-    shape = turntable_shape.score(config("turntable_shape"), campaign, Progress(), ripple=False)
+    shape = turntable_shape.score(config("turntable_shape"), frame_of(campaign), ripple=False)
     assert {row["case"] for row in shape.rows if row["metric"] == "variation over distance"} == {
         "reflector, 0.6-2.1 m", "reflector, all distances", "mean of objects",
     }  # fmt: skip
     with pytest.raises(ConfigError, match="two material classes"):
-        turntable_material.score(config("turntable_material"), FakeCampaign(objects=("mug",), distances=(1.0,)), Progress())
+        turntable_material.score(config("turntable_material"), frame_of(FakeCampaign(objects=("mug",), distances=(1.0,))))

@@ -1,0 +1,101 @@
+"""The columns of the frame that are read from a recording. Each motion has its own columns; arrays are the values of one cell.
+
+A turntable recording has the features of the set `rotation`, the same features of each whole revolution (`revolutions`), the range-Doppler
+signature of a revolution (N, R), `localised`: whether the strongest echo over all ranges lies in the target gate, and the mean and the
+median over frames of the power (B,) in the bins `range_m`. A corner reflector also has the power (F, B) of its first revolution. A rail
+recording has ranges (F,) in metres: the logged range `nominal_m`, and the tracked range of each tracker. A drive has the features of its
+motion, the power (F, B), its mean (B,) after each frame is scaled to unit energy (`profile`), and in each frame (F,) the logged and the
+tracked range of the target, the energy in the target gate and the radial velocity, (0,) without Doppler. Its detections (N, 3) are the
+frame number, range in metres and azimuth in radians.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from experiments.campaign.cases import RAIL, REFLECTOR, ROVER, Case
+from radartwin.features import cloud, doppler, envelope, sets, track
+from radartwin.features.log import Log, Nominal, angles, distances
+from radartwin.features.processed import Processed
+from radartwin.features.profile import FAR_M, NEAR_M, gate
+from radartwin.features.signature import signature
+
+Columns = Mapping[str, Any]  # name: number, text, or array
+TRACKERS = ("continuous", "brightest")  # track without jumps, and strongest bin of each frame
+
+
+def read(case: Case, processed: Processed, log: Log) -> Columns:
+    """Return the columns of one recording."""
+    return READERS[case.motion](case, processed, log)
+
+
+def _turntable(case: Case, processed: Processed, log: Log) -> Columns:
+    target_m = float(distances(log, processed.num_frames)[0])
+    inside = (processed.range_m >= NEAR_M) & (processed.range_m <= FAR_M)
+    strongest = int(np.where(inside, processed.power.mean(axis=0), 0).argmax())
+    angle_rad = angles(log, processed.num_frames)
+    turn = angle_rad < angle_rad[0] + 2 * np.pi - 1e-9
+    return {
+        **_features(processed, log, "rotation"),
+        "revolutions": np.stack([sets.vector(piece, part, "rotation")[1] for _, piece, part in revolutions(processed, log)]),
+        "signature": signature(processed, angle_rad, target_m),
+        "localised": bool(gate(processed.range_m, target_m)[strongest]),
+        "range_m": processed.range_m,
+        "mean_power": processed.power.mean(axis=0, dtype=float),
+        "median_power": np.median(processed.power.astype(float), axis=0),
+        "revolution": processed.power[turn if case.object.startswith(REFLECTOR) else slice(0)],
+    }
+
+
+def revolutions(processed: Processed, log: Log) -> list[tuple[str, Processed, Log]]:
+    """Split a turntable recording into whole revolutions, each as (name suffix, recording, log). Other recordings are not split."""
+    if log.angle_rad is None:
+        return [("", processed, log)]
+    period = envelope.frames_per_revolution(log.angle_rad)
+    pieces: list[tuple[str, Processed, Log]] = []
+    for number in range(processed.num_frames // period):
+        at = slice(number * period, (number + 1) * period)
+        pieces.append((f" turn {number:02d}", processed.frames(at), Nominal(log.frame_rate_hz, log.distance_m[at], log.angle_rad[at])))
+    return pieces
+
+
+def _rail(case: Case, processed: Processed, log: Log) -> Columns:
+    nominal = distances(log, processed.num_frames)
+    low, high = nominal.min() - track.SEARCH_M, nominal.max() + track.SEARCH_M
+    return {
+        "frame_rate_hz": log.frame_rate_hz,
+        "nominal_m": nominal,
+        "continuous": track.track(processed, low, high, log.frame_rate_hz),
+        "brightest": track.brightest(processed, low, high),
+    }
+
+
+def _features(processed: Processed, log: Log, name: str) -> Columns:
+    names, values = sets.vector(processed, log, name)
+    return dict(zip(names, map(float, values), strict=True))
+
+
+def _drive(case: Case, processed: Processed, log: Log) -> Columns:
+    nominal = distances(log, processed.num_frames)
+    along = track.around(processed, nominal, log.frame_rate_hz)
+    clouds = cloud.detections(processed)
+    return {
+        **_features(processed, log, case.motion),
+        "frame_rate_hz": log.frame_rate_hz,
+        "power": processed.power,
+        "profile": (processed.power / processed.power.sum(axis=1, keepdims=True)).mean(axis=0),
+        "range_m": processed.range_m,
+        "nominal_m": nominal,
+        "track_m": along,
+        "energy": np.maximum(envelope.target_energy(processed, along), 0.0),
+        "velocity_mps": np.zeros(0) if processed.doppler is None else doppler.radial_velocity(processed, along),
+        "detections": np.concatenate([np.column_stack([np.full(len(one), number), one]) for number, one in enumerate(clouds)]),
+    }
+
+
+READERS: dict[str, Callable[[Case, Processed, Log], Columns]] = {
+    "turntable": _turntable, **dict.fromkeys(RAIL, _rail), **dict.fromkeys(ROVER, _drive),
+}  # fmt: skip

@@ -1,0 +1,126 @@
+"""The frame: one long table (pandas) with everything that the result tables read from the recordings of a campaign.
+
+A row is one recording. The columns CONDITIONS, `domain`, `twin` and `key` (of the stored recording) say which; `material_class` and `shape`
+come from the catalogue of objects; the other columns are read from the recording (experiments.campaign.columns). The column `twin` is
+empty for measurements and for the simulation under test, and names a simulation that knows less or more than that. Rows are sorted by
+domain and by object in the order of the catalogue. The store keeps the frame under the keys of its recordings and the code that reads them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import astuple, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.campaign import columns
+from experiments.campaign.cases import COMPARED, DOMAINS, Case
+from experiments.campaign.source import RecordingSource
+from radartwin.errors import ConfigError, InputError
+from radartwin.io.progress import Progress
+from radartwin.scene.objects.catalogue import catalogue, with_other_reflectors
+from radartwin.store.products import save_arrays
+
+if TYPE_CHECKING:
+    from experiments.campaign.campaign import Campaign
+
+Frame = Any  # a pandas.DataFrame; the types that pandas declares are too wide for the type checker
+Column = Any  # a pandas.Series
+CONDITIONS = tuple(field.name for field in fields(Case))
+KINDS = ("material_class", "shape")  # columns from the catalogue
+PLACE = ("object", "room", "motion", "distance_m")  # a measured and a simulated recording of one place are compared
+Wanted = Sequence[tuple[str, Case]]  # domain, case
+
+
+def shared(source: RecordingSource, motions: Sequence[str]) -> Wanted:
+    """Return the recordings with these motions whose place is both measured and simulated. Raises ConfigError if there are none."""
+    cases = [(domain, case) for domain in COMPARED for motion in motions for case in source.cases(domain, motion=motion)]
+    places = [{_place(case) for of, case in cases if of == domain} for domain in COMPARED]
+    if not (common := set.intersection(*places)):
+        raise ConfigError(
+            f"the campaign has no {' or '.join(motions)} recordings of one object and place, both measured and simulated; "
+            "add objects or distances to profile.campaign or to the recording set"
+        )
+    objects = list(catalogue())
+    wanted = [(domain, case) for domain, case in cases if _place(case) in common]
+    return sorted(
+        wanted,
+        key=lambda one: (DOMAINS.index(one[0]), objects.index(one[1].object), one[1].room, motions.index(one[1].motion), one[1].distance_m),
+    )
+
+
+def _place(case: Case) -> tuple[Any, ...]:
+    return tuple(getattr(case, name) for name in PLACE)
+
+
+def stored(campaign: Campaign, wanted: Wanted, progress: Progress, materials: Any = None) -> Frame:
+    """Return the frame of some recordings from the store; a frame that the store lacks is read first. Missing recordings are simulated."""
+    campaign.prepare(wanted, materials)
+    keys = [[domain, astuple(case), campaign.process(domain, case, materials).key] for domain, case in wanted]
+
+    def build(folder: Path) -> None:
+        save(read(campaign, wanted, progress, materials), folder)
+
+    return load(campaign.store.fetch("frame", {"recordings": keys}, [__name__], build).arrays())
+
+
+def read(source: RecordingSource, wanted: Wanted, progress: Progress, materials: Any = None) -> Frame:
+    """Read the frame of some recordings."""
+    import pandas as pd
+
+    rows, known = [], with_other_reflectors()
+    for domain, case in progress.over(list(wanted), "recordings read"):
+        key, processed = source.processed(domain, case, materials)
+        conditions = dict(zip(CONDITIONS, astuple(case), strict=True)) | {"domain": domain, "twin": "", "key": key}
+        kind = {name: getattr(known[case.object], name) for name in KINDS}
+        rows.append({**conditions, **kind, **columns.read(case, processed, source.log(case, domain))})
+    return pd.DataFrame(rows)
+
+
+def features(rows: Frame) -> list[str]:
+    """Return the names of the features that all of these rows have."""
+    numbers = rows.select_dtypes("float").drop(columns=[*CONDITIONS, "frame_rate_hz"], errors="ignore")
+    return list(numbers.columns[numbers.notna().all()])
+
+
+def by_revolution(frame: Frame) -> Frame:
+    """Return a row for each whole revolution of the turntable recordings, with the features of this revolution."""
+    rows = frame.loc[frame.index.repeat(frame.revolutions.map(len))].reset_index(drop=True)
+    rows[features(frame)] = np.concatenate(list(frame.revolutions))
+    return rows
+
+
+def balanced(frame: Frame) -> Frame:
+    """Return the rows at those distances that have two objects or more, with an equal number of measured repetitions for all objects of a
+    distance. Raises InputError if no row is left.
+    """
+    some = frame[frame.groupby(["room", "distance_m"]).object.transform("nunique") > 1]
+    if some.empty:
+        raise InputError("the campaign has no recordings of two objects at one distance, both measured and simulated; add objects")
+    groups = some.groupby(["domain", *PLACE])
+    fewest = groups.key.transform("size").groupby([some.domain, some.room, some.distance_m]).transform("min")
+    return some[groups.cumcount() < fewest]
+
+
+def save(frame: Frame, folder: Path) -> None:
+    """Save a frame as arrays: one array for a column of numbers or texts, and one array for each cell of a column of arrays."""
+    arrays: dict[str, np.ndarray] = {}
+    for name, column in frame.items():
+        if isinstance(column.iloc[0], np.ndarray):
+            arrays |= {f"{name}/{row}": value for row, value in enumerate(column)}
+        else:
+            arrays[name] = np.array(column.tolist())
+    save_arrays(folder, arrays)
+
+
+def load(arrays: dict[str, np.ndarray]) -> Frame:
+    """Return the frame that `save` has written."""
+    import pandas as pd
+
+    found: dict[str, list[Any]] = {}
+    for name, values in arrays.items():
+        column, is_cell, _ = name.partition("/")
+        found.setdefault(column, []).extend([values] if is_cell else values.tolist())
+    return pd.DataFrame(found)

@@ -1,0 +1,150 @@
+"""Compute the rows of a result table from the frame (experiments.campaign.frame).
+
+A result table declares cells. A cell is one row of the table: the rows of the frame that it selects, the estimate, and the claim if it
+states one. A table's function `cells` receives the frame of one draw of the measurement (the measured recordings of this draw, and all
+simulated recordings), so that a cell may depend on what the draw has. `table_rows` computes each cell for every draw and joins them.
+
+An estimate is made by one of the functions below from the VALUES of its units, over which it resamples: a column's name gives one unit for
+each selected recording, `per` one unit for each object, and an array is used as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from experiments import draws, statistics
+from experiments.campaign.cases import MEASURED, TWIN
+from experiments.campaign.frame import PLACE, Column, Frame
+from experiments.claims import NONE, Claim, Row
+from experiments.statistics import ANY, Estimate
+from radartwin.config.config import Config
+from radartwin.errors import ConfigError
+
+Values = str | Callable[[Frame], Any] | ArrayLike
+Estimator = Callable[[Frame, int, int], Estimate]  # selected rows, resamples, seed
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """One row of a result table.
+
+    Attributes:
+        case: columns that say what the row is about.
+        of: the rows of the frame that the estimate uses, whose recordings the row names.
+    """
+
+    case: Mapping[str, Any]
+    metric: str
+    of: Frame
+    estimate: Estimator | Estimate
+    claim: Claim = NONE
+    count: int | None = None  # number that column n shows; None stands for the number of recordings
+
+    def row(self, config: Config) -> Row:
+        """Compute the row. Raises ConfigError for a cell that selects no recordings, or that needs a column that the frame lacks."""
+        where = f"cell {self.metric!r} ({', '.join(f'{name} {value}' for name, value in self.case.items())})"
+        if self.of.empty:
+            raise ConfigError(f"{where} selects no recordings; add them to profile.campaign or to the recording set")
+        try:
+            known, seeds = self.estimate, (config.profile.resamples, config.seed)
+            estimate = known if isinstance(known, Estimate) else known(self.of, *seeds)
+        except KeyError as error:
+            raise ConfigError(f"{where} reads {error}, which the frame lacks; another version read the frame: delete it") from error
+        return Row(self.case, self.metric, estimate, frozenset(self.of.key), self.claim, config, self.count)
+
+
+Cells = Callable[[Frame], Iterable[Cell]]
+
+
+def table_rows(config: Config, frame: Frame, cells: Cells) -> list[Row]:
+    """Compute the cells for each draw, and join the draws. A twin with a name (column `twin`) has further rows, as in `draws.beside`."""
+    ours = draws.joined_rows([[cell.row(config) for cell in cells(one)] for one in by_draw(frame[frame.twin == ""])])
+    out = list(ours)
+    for twin in (name for name in frame.twin.unique() if name):
+        part = frame[(frame.domain == MEASURED) | (frame.twin == twin)]
+        theirs = draws.joined_rows([[cell.row(config) for cell in cells(one)] for one in by_draw(part)])
+        out += draws.beside(theirs, {"twin": twin}, draws.changed_from(ours))
+    return out
+
+
+def by_draw(frame: Frame) -> list[Frame]:
+    """Return one frame for each draw of the measurement: its measured recordings, and all simulated recordings."""
+    measured = frame.domain == MEASURED
+    return [frame[~measured | (frame.draw == draw)] for draw in sorted(frame.draw[measured].unique())]
+
+
+def first_draw(frame: Frame) -> Frame:
+    """Return the frame of the first draw without the twins that have a name, as the figures show it."""
+    return by_draw(frame[frame.twin == ""])[0]
+
+
+def keys(frame: Frame) -> list[str]:
+    """Return the store keys of all recordings of a frame."""
+    return sorted(set(frame.key))
+
+
+def paired(frame: Frame, on: Sequence[str] = PLACE) -> Frame:
+    """Return a row for each measured recording and each simulated recording of the same place; the columns of the latter end in `_twin`."""
+    measured, twin = (frame[frame.domain == domain] for domain in (MEASURED, TWIN))
+    return measured.merge(twin, on=list(on), suffixes=("", "_twin"))
+
+
+def per(column: str | list[str], domain: str | None = None) -> Callable[[Frame], Column]:
+    """Return a function of the rows that averages a column for each object, first over the recordings of each place and then over the
+    places, so that a distance with more recordings has no more weight.
+    """
+
+    def means(rows: Frame) -> Column:
+        some = rows if domain is None else rows[rows.domain == domain]
+        return some.groupby(list(PLACE), sort=False)[column].mean().groupby("object", sort=False).mean()
+
+    return means
+
+
+def gap(column: str, first: str, second: str) -> Callable[[Frame], Column]:
+    """Return a function of the rows that gives the value in the domain `first` less that in `second` for each object (see `per`)."""
+    return lambda rows: per(column, first)(rows) - per(column, second)(rows)
+
+
+def using(function: Callable[..., Estimate], *of: Values) -> Estimator:
+    """Estimate by `function(*values, resamples, seed)`, where `values` are the values of the units for each entry of `of`."""
+    return lambda rows, *seeds: function(*(_values(rows, one) for one in of), *seeds)
+
+
+def _values(rows: Frame, of: Values) -> NDArray:
+    return np.asarray(rows[of] if isinstance(of, str) else of(rows) if callable(of) else of)
+
+
+def mean(of: Values, limits: tuple[float, float] = ANY, on: str = "") -> Estimator:
+    """Estimate the mean over units. `limits` are those of the quantity, and `on` is the scale of the interval (`statistics.SCALES`)."""
+    return using(partial(statistics.mean, limits=limits, on=on), of)
+
+
+def difference(of: Values, by: str, first: str, second: str) -> Estimator:
+    """Estimate the mean over the units whose column `by` is `first`, less that over the units whose column is `second`."""
+    return using(statistics.difference, *(lambda rows, kind=kind: _values(rows[rows[by] == kind], of) for kind in (first, second)))
+
+
+def rank_correlation(first: Values, second: Values) -> Estimator:
+    """Estimate Spearman's rank correlation over units, with a permutation test."""
+    return lambda rows, resamples, seed: statistics.spearman(_values(rows, first), _values(rows, second), seed)
+
+
+def mantel(columns: Sequence[str]) -> Estimator:
+    """Estimate how well the distances between objects in the space of some columns agree between measurement and simulation."""
+    first, second = (lambda rows, of=of: distances(per(list(columns), of)(rows).to_numpy()) for of in (MEASURED, TWIN))
+    return lambda rows, resamples, seed: statistics.mantel(first(rows), second(rows), seed)
+
+
+def distances(points: NDArray) -> NDArray[np.float64]:
+    """Return the Euclidean distances (N, N) of points (N, D) after each coordinate is scaled to unit standard deviation."""
+    from scipy.spatial.distance import pdist, squareform
+
+    spread = points.std(axis=0)
+    return squareform(pdist((points - points.mean(axis=0)) / np.where(spread > 0, spread, 1.0)))
