@@ -111,7 +111,6 @@ HEADLINES = (
     ),
     Headline(
         "distances between objects are kept", "turntable, shape", "turntable_shape", "distances between objects", {"case": "all objects"},
-        turntable_shape.STRUCTURE,
     ),
     Headline(
         "cans have smaller harmonic ratios than reflector and bottles", "turntable, shape", "turntable_shape", "ratio of harmonic ratios",
