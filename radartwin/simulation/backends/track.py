@@ -21,7 +21,7 @@ from radartwin.scene.scene import Surface
 from radartwin.simulation import diffuse, geometry, pruning, variant
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation.backends import tube_paths
-from radartwin.simulation.backends.coupling import group_paths, shadows_of_movers
+from radartwin.simulation.backends.coupling import SPARSE, group_paths, shadows_of_movers
 from radartwin.simulation.backends.static_scene import StaticScene, static_scene, target
 from radartwin.simulation.backends.trace_settings import SPACING_M, TraceSettings
 from radartwin.simulation.flat.room import FlatRoom, Searched
@@ -34,8 +34,6 @@ from radartwin.store.recent import Recent
 # Tubes per square wavelength for paths between object and room of a moving radar, relative to the density of the direct echo. Error: 0.10
 # of their signal for a metal can in the laboratory; with half as many tubes: 0.21.
 OVER_ROOM = 0.5
-# The same for clutter that many drives see. Error: 0.03 of the signal of a metal umbrella stand, 0.10 of the signal of a litter bin.
-CLUTTER_OVER_ROOM = 0.125
 MOVED = 16_000_000  # number of amplitudes that are moved at once (256 MB)
 TURNED_RAD = np.deg2rad(3.0)  # largest turn of a pose against its place, whose antenna gives polarisation and pruning of the paths
 BEYOND_M = 0.04  # extension of the track at both ends of the nominal drive, because an actual drive may start earlier or end later
@@ -246,7 +244,7 @@ class Track:
         """
         room, index, sparse = self._room, np.unique(self._place_of(poses)), self._sparse
         assert room is not None
-        settings = self._thinned(CLUTTER_OVER_ROOM if sparse else OVER_ROOM)
+        settings = self._thinned(SPARSE if sparse else OVER_ROOM)
         least = (pruning.PAIRS_OF_DRIVES if sparse else pruning.PAIRS) * self._loudest
         # Places are traced in fixed groups, so that the paths of a place do not depend on what was traced before.
         places = np.arange(len(self._places))
