@@ -42,9 +42,9 @@ GRAIN = 20_000  # smallest number of hits for which one thread runs `_place`
 # Tubes per square wavelength for weak paths between object and room. Error: 0.03 of the signal of a metal umbrella stand, 0.10 of the
 # signal of a litter bin.
 SPARSE = 0.125
-# At a pose with more than AT_ONCE hits, pairs of legs are weak whose echo is at most WEAK times the smallest one that matters. Effect on the
-# signal of the scanned laboratory with a bookcase of 371 faces: 0.06 (half as many tubes for all pairs: 0.04). The bookcase has 8 million
-# hits of 16 nodes there, 20 GB with their copies, and 2.2 million with fewer tubes for the weak pairs.
+# At a pose with more than AT_ONCE hits, pairs of legs are weak whose echo is at most WEAK times the smallest one that matters. Effect on
+# the signal of the scanned laboratory with a bookcase of 371 faces: 0.06 (half as many tubes for all pairs: 0.04). The bookcase has 8
+# million hits of 16 nodes there, 20 GB with their copies, and 2.2 million with fewer tubes for the weak pairs.
 WEAK = 10.0
 BISTATIC = 4.0  # assumed largest ratio of an object's bistatic to its monostatic echo
 
