@@ -310,7 +310,8 @@ def _reach(
     A path has at most `longest` reflections. If paths have one diffraction (not `twice`), a path that leaves over a beam of many
     reflections therefore returns over a beam of fewer reflections. The function has examined this beam before.
     """
-    newest, before_it = np.full(len(faces.length), -1), np.empty(len(out), np.int64)  # arrivals with few reflections, as linked lists
+    # The arrivals of each edge with 0, 1, ... reflections, as linked lists.
+    newest, before_it = np.full((len(faces.length), (longest + 1) // 2), -1), np.empty(len(out), np.int64)
     place, reach = vector(cell.places, 0), cell.radius
     planes, points = np.empty((polygon.shape[1] + 1, 4)), np.empty((chain.shape[1] + 1, 3))
     exists = np.empty(len(samples) + 1, np.bool_)  # the last one is for the foot, whose index is -1
@@ -326,7 +327,7 @@ def _reach(
                 continue
             back = longest - own[e] - m
             fewer = not twice and back < m
-            if fewer and newest[e] < 0:
+            if fewer and (back < 0 or newest[e, : back + 1].max() < 0):
                 continue
             start, along = vector(faces.start, e), vector(faces.along, e)
             end, low, high = moved(start, along, faces.length[e]), 0.0, faces.length[e]
@@ -349,15 +350,15 @@ def _reach(
             least = levels.least * near * passed[b] / (BOTH * strength[b])  # smallest transmission that matters
             if passed[b] < least:
                 continue
-            a = newest[e] if fewer else -1
-            while a >= 0:
-                other = out[a, 1]
-                if order[other] <= back:
+            returns = not fewer
+            for few in range(min(back + 1, newest.shape[1]) if fewer else 0):
+                a = newest[e, few]
+                while a >= 0 and not returns:
+                    other = out[a, 1]
                     gain = strength[b] * strength[other] * through[a] / passed[other]
-                    if _single(faces, e, wavenumber, reach, gain, levels.least, at, vector(image, other)):
-                        break
-                a = before_it[a]
-            if fewer and a < 0:
+                    returns = _single(faces, e, wavenumber, reach, gain, levels.least, at, vector(image, other))
+                    a = before_it[a]
+            if not returns:
                 continue
             lit = 0.0
             for sample in range(len(cell.places) * (len(samples) + 1)):
@@ -376,7 +377,7 @@ def _reach(
                 return -1
             out[used, 0], out[used, 1], through[used] = e, b, lit
             if 2 * m < longest:
-                newest[e], before_it[used] = used, newest[e]
+                newest[e, m], before_it[used] = used, newest[e, m]
             used += 1
     return used
 
