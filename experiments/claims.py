@@ -106,7 +106,7 @@ class Claim:
             "interval_scale": found.scale,
             "lowest": _finite(found.limits[0]),
             "highest": _finite(found.limits[1]), "reason": self.untestable, "low": judged[1], "high": judged[2],
-            "verdict": limit_kept(word == SUPPORTED) if self.limit else word,
+            "verdict": limit_kept(None if judged[0] is None else word == SUPPORTED) if self.limit else word,
         }  # fmt: skip
 
 

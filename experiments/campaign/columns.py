@@ -38,10 +38,17 @@ def _turntable(case: Case, processed: Processed, log: Log) -> Columns:
     strongest = int(np.where(inside, processed.power.mean(axis=0), 0).argmax())
     angle_rad = angles(log, processed.num_frames)
     turn = angle_rad < angle_rad[0] + 2 * np.pi - 1e-9
+    turned_rad = np.ptp(angle_rad) + abs(angle_rad[1] - angle_rad[0]) if len(angle_rad) > 1 else 0.0
+    whole = turned_rad > 2 * np.pi - 1e-6 and processed.num_frames > 2 * envelope.HARMONICS
+    revolution: dict[str, Any] = {}  # a recording of less than a revolution lacks these columns
+    if whole:
+        revolution = {
+            **_features(processed, log, "rotation"),
+            "revolutions": np.stack([sets.vector(piece, part, "rotation")[1] for _, piece, part in revolutions(processed, log)]),
+            "signature": signature(processed, angle_rad, target_m),
+        }
     return {
-        **_features(processed, log, "rotation"),
-        "revolutions": np.stack([sets.vector(piece, part, "rotation")[1] for _, piece, part in revolutions(processed, log)]),
-        "signature": signature(processed, angle_rad, target_m),
+        **revolution,
         "localised": bool(gate(processed.range_m, target_m)[strongest]),
         "range_m": processed.range_m,
         "mean_power": processed.power.mean(axis=0, dtype=float),

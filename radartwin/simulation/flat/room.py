@@ -356,7 +356,8 @@ class FlatRoom:
         for longest in (min(2, max_bounces), max_bounces):  # the strongest path of the first pass sets the threshold of the second
             bounds = self._bounds(front, least)
             beams = self._beams(cell, longest - 1, bounds)
-            closed = search.closed(self.faces, self.balls, beams, self.loudness, least, cell, longest)
+            parts = search.closed(self.faces, self.balls, beams, self.loudness, least, cell, longest)
+            closed = search.Sequences.joined([self._strong_near(part, places[0], radar, least, reach) for part in parts])
             # the weakest, over all places, of the strongest paths
             levels = [self._levels(closed, np.arange(len(closed)), place, radar, least)[1] for place in places[_apart(places, COARSE)]]
             least = self._least(radar, prune) * min(one.max(initial=0.0) for one in levels)
@@ -367,9 +368,11 @@ class FlatRoom:
         strength = passed * self._strengths(beams, arrivals, places, radar)
         linked = self.links if twice else np.zeros((0, 3), int)
         edged = search.sequences(self.faces, beams, arrivals, strength, linked, self.loudness, self.wavenumber, max_bounces, least, reach)
-        every = search.Sequences.joined([closed, edged])
-        level = self._levels(every, np.arange(len(every)), places[0], radar, ELSEWHERE * least, self._nothing, reach)[1]
-        return every.where(level > 0)
+        return self._strong_near(search.Sequences.joined([closed, edged]), places[0], radar, least, reach)
+
+    def _strong_near(self, every: search.Sequences, place: np.ndarray, radar: Radar, least: float, reach: float) -> search.Sequences:
+        """Return the sequences whose path can be strong at a sensor that is at most `reach` from a place."""
+        return every.where(self._levels(every, np.arange(len(every)), place, radar, ELSEWHERE * least, self._nothing, reach)[1] > 0)
 
     def _strengths(self, found: search.Beams, arrivals: np.ndarray, poses: np.ndarray, radar: Radar) -> np.ndarray:
         """Return the largest field (M,) at one metre with which each beam reaches the ends or the middle of its edge, at any of the poses.

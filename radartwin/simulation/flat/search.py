@@ -11,7 +11,7 @@ Which of the sequences exist within a margin around one place, `field.evaluate` 
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -27,6 +27,7 @@ from radartwin.simulation.flat.vectors import distance, dot, moved, toward, vect
 
 SPARE = 16  # a beam can have this many corners more than the outlines of the faces; further corners are left out
 SAMPLES = (0.02, 0.25, 0.5, 0.75, 0.98)  # places along an edge, relative to its length, where its visibility is tested
+TOGETHER = 100_000  # number of beams whose sequences are listed at once; limits memory
 FEW = 3  # number of steps to estimate the two points of a double diffraction
 # Smallest ratio of the bound of a double diffraction to its field, as assumed by the search. The actual ratio is at least 8 for almost all
 # paths of the furnished laboratory and squash court. Compared with an assumed ratio of 1, the signal of these rooms changes by at most
@@ -676,16 +677,18 @@ class Sequences:
 @compiled
 def _closed(
     faces: Faces, centre: np.ndarray, radius: np.ndarray, loudness: np.ndarray, least: float, cell: Cell,
-    chain: np.ndarray, order: np.ndarray, image: np.ndarray, strength: np.ndarray, out: np.ndarray,
+    chain: np.ndarray, order: np.ndarray, image: np.ndarray, strength: np.ndarray, low: int, high: int, out: np.ndarray,
 ) -> int:  # fmt: skip
-    """Write (beam, face, -1) of all beams whose path over the face can end in the cell; return their number, -1 if `out` is too short."""
+    """Write (beam, face, -1) of the beams low:high whose path over the face can end in the cell; return their number, -1 if `out` is too
+    short.
+    """
     used, end, reach = 0, vector(cell.places, 0), cell.radius
     # Largest field at one metre of the beams with one reflection; such a beam is the reverse of a path's last leg.
     last = np.zeros(len(faces.offset))
     for b in range(len(order)):
         if order[b] == 1:
             last[chain[b, 0]] = strength[b]
-    for b in range(len(order)):
+    for b in range(low, high):
         m, at = order[b], vector(image, b)
         for p in range(len(faces.offset)):
             if loudness[p] == 0 or (m and p == chain[b, m - 1]) or not _crosses(faces, p, centre, radius, at, end, reach):
@@ -701,8 +704,9 @@ def _closed(
 
 def closed(
     faces: Faces, balls: tuple[np.ndarray, np.ndarray], found: Beams, loudness: np.ndarray, least: float, cell: Cell, longest: int,
-) -> Sequences:  # fmt: skip
-    """Return the sequences of at most `longest` faces, without edges, over which beams of the cell can return to it.
+) -> Iterator[Sequences]:  # fmt: skip
+    """Yield the sequences of at most `longest` faces, without edges, over which beams of the cell can return to it, for TOGETHER beams at a
+    time.
 
     Args:
         balls: centre (P, 3) and radius (P,) of a ball around each face.
@@ -710,15 +714,20 @@ def closed(
     """
     few = found.order < longest
     chain, order, image, strength = found.chain[few], found.order[few], found.image[few], found.strength[few]
-    beam, face, _ = _listed(
-        lambda piece, pieces, out: _closed(faces, *balls, loudness, least, cell, chain, order, image, strength, out), 1
-    ).T  # fmt: skip
-    chains = np.full((len(beam), max(longest, 1)), -1)
-    chains[:, : chain.shape[1]] = chain[beam, : chains.shape[1]]
-    chains[np.arange(len(beam)), order[beam]] = face
-    count = np.zeros((len(beam), 3), int)
-    count[:, 0] = order[beam] + 1
-    return Sequences(count, np.full((len(beam), 2), -1), chains, np.zeros(len(beam), bool))
+    for low in range(0, len(order), TOGETHER):
+        high = min(low + TOGETHER, len(order))
+        beam, face, _ = _listed(
+            lambda _, __, out, low=low, high=high: _closed(
+                faces, *balls, loudness, least, cell, chain, order, image, strength, low, high, out
+            ),
+            1,
+        ).T
+        chains = np.full((len(beam), max(longest, 1)), -1)
+        chains[:, : chain.shape[1]] = chain[beam, : chains.shape[1]]
+        chains[np.arange(len(beam)), order[beam]] = face
+        count = np.zeros((len(beam), 3), int)
+        count[:, 0] = order[beam] + 1
+        yield Sequences(count, np.full((len(beam), 2), -1), chains, np.zeros(len(beam), bool))
 
 
 @innermost
