@@ -55,7 +55,7 @@ class Cell:
             known, seeds = self.estimate, (config.profile.resamples, config.seed)
             estimate = known if isinstance(known, Estimate) else known(self.of, *seeds)
         except KeyError as error:
-            raise ConfigError(f"{where} reads {error}, which the frame lacks; another version read the frame: delete it") from error
+            raise ConfigError(f"{where} reads {error}, which its recordings lack; choose recordings with this column") from error
         return Row(self.case, self.metric, estimate, frozenset(self.of.key), self.claim, config, self.count)
 
 

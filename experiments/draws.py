@@ -17,7 +17,7 @@ from experiments import statistics
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.campaign import joined as joined_tasks
 from experiments.campaign.cases import MEASURED, ROVER, Case, draws
-from experiments.campaign.frame import Frame, shared, stored
+from experiments.campaign.frame import Frame, check_revolutions, shared, stored
 from experiments.campaign.schedule import RecordingTask
 from experiments.claims import Claim, Row
 from radartwin.config.config import Config
@@ -105,7 +105,10 @@ def frame(config: Config, store: Store, progress: Progress, motions: Sequence[st
         campaign = whole_campaign(own, store, progress, motions[0] in ROVER)
         wanted = [(domain, case) for domain, case in shared(campaign, motions) if domain != MEASURED or not twin]
         read.append(stored(campaign, wanted, progress).assign(twin=twin))
-    return pd.concat(read, ignore_index=True)
+    out = pd.concat(read, ignore_index=True)
+    if "turntable" in motions:
+        check_revolutions(out)
+    return out
 
 
 def whole_campaign(config: Config, store: Store, progress: Progress, rover: bool = False) -> Campaign:

@@ -1,12 +1,12 @@
 """The columns of the frame that are read from a recording. Each motion has its own columns; arrays are the values of one cell.
 
-A turntable recording has the features of the set `rotation`, the same features of each whole revolution (`revolutions`), the range-Doppler
-signature of a revolution (N, R), `localised`: whether the strongest echo over all ranges lies in the target gate, and the mean and the
-median over frames of the power (B,) in the bins `range_m`. A corner reflector also has the power (F, B) of its first revolution. A rail
-recording has ranges (F,) in metres: the logged range `nominal_m`, and the tracked range of each tracker. A drive has the features of its
-motion, the power (F, B), its mean (B,) after each frame is scaled to unit energy (`profile`), and in each frame (F,) the logged and the
-tracked range of the target, the energy in the target gate and the radial velocity, (0,) without Doppler. Its detections (N, 3) are the
-frame number, range in metres and azimuth in radians.
+A turntable recording has `localised`: whether the strongest echo over all ranges lies in the target gate, and the mean and the median over
+frames of the power (B,) in the bins `range_m`. If its revolutions are whole and have enough frames, it has the features of the set
+`rotation`, the same features of each whole revolution (`revolutions`), and the range-Doppler signature of a revolution (N, R). A corner
+reflector also has the power (F, B) of its first revolution. A rail recording has ranges (F,) in metres: the logged range `nominal_m`, and
+the tracked range of each tracker. A drive has the features of its motion, the power (F, B), its mean (B,) after each frame is scaled to
+unit energy (`profile`), and in each frame (F,) the logged and the tracked range of the target, the energy in the target gate and the radial
+velocity, (0,) without Doppler. Its detections (N, 3) are the frame number, range in metres and azimuth in radians.
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ def _turntable(case: Case, processed: Processed, log: Log) -> Columns:
     strongest = int(np.where(inside, processed.power.mean(axis=0), 0).argmax())
     angle_rad = angles(log, processed.num_frames)
     turn = angle_rad < angle_rad[0] + 2 * np.pi - 1e-9
-    turned_rad = np.ptp(angle_rad) + abs(angle_rad[1] - angle_rad[0]) if len(angle_rad) > 1 else 0.0
-    whole = turned_rad > 2 * np.pi - 1e-6 and processed.num_frames > 2 * envelope.HARMONICS
-    revolution: dict[str, Any] = {}  # a recording of less than a revolution lacks these columns
-    if whole:
-        revolution = {
+    whole = (
+        {
             **_features(processed, log, "rotation"),
             "revolutions": np.stack([sets.vector(piece, part, "rotation")[1] for _, piece, part in revolutions(processed, log)]),
             "signature": signature(processed, angle_rad, target_m),
         }
+        if envelope.resolved(angle_rad)
+        else {}
+    )
     return {
-        **revolution,
+        **whole,
         "localised": bool(gate(processed.range_m, target_m)[strongest]),
         "range_m": processed.range_m,
         "mean_power": processed.power.mean(axis=0, dtype=float),

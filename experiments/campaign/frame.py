@@ -19,6 +19,7 @@ from experiments.campaign import columns
 from experiments.campaign.cases import COMPARED, DOMAINS, Case
 from experiments.campaign.source import RecordingSource
 from radartwin.errors import ConfigError, InputError
+from radartwin.features.envelope import HARMONICS
 from radartwin.io.progress import Progress
 from radartwin.scene.objects.catalogue import catalogue, with_other_reflectors
 from radartwin.store.products import save_arrays
@@ -83,6 +84,15 @@ def features(rows: Frame) -> list[str]:
     """Return the names of the features that all of these rows have."""
     numbers = rows.select_dtypes("float").drop(columns=[*CONDITIONS, "frame_rate_hz"], errors="ignore")
     return list(numbers.columns[numbers.notna().all()])
+
+
+def check_revolutions(frame: Frame) -> None:
+    """Raise InputError if a turntable recording is no whole revolution with enough frames, so that columns of `columns` are missing."""
+    if "revolutions" not in frame or frame.revolutions.isna().any():
+        raise InputError(
+            f"a turntable recording is no whole revolution of more than {2 * HARMONICS} frames; record one, or raise "
+            "profile.campaign.frames_per_turn"
+        )
 
 
 def by_revolution(frame: Frame) -> Frame:

@@ -13,21 +13,20 @@ from __future__ import annotations
 import argparse
 import csv
 import datetime
-import hashlib
 import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from experiments.claims import NOT_HERE
+from experiments.claims import NOT_HERE, PRIMARY
 from radartwin.errors import InputError
 from radartwin.io import files
+from radartwin.store.digest import spec_digest
 
 CLAIM = ("claim of the paper", "table", "metric", "bound", "direction", "null", "margin", "test", "unit")
 FIXED = tuple(name for name in CLAIM if name not in ("bound", "null"))  # chance, a bound of some claims, may differ between campaigns
 DRAWS = {"turntable and rail": [100, 109], "drives": [100, 102]}  # first and last
-FAMILY = "primary"
 
 
 def claims_of(table: Path) -> list[dict[str, str]]:
@@ -35,7 +34,7 @@ def claims_of(table: Path) -> list[dict[str, str]]:
     try:
         with table.open(encoding="utf-8", newline="") as stream:
             rows = list(csv.DictReader(stream))
-        return [{name: row[name] for name in CLAIM} | {"family": FAMILY} for row in rows if row["verdict"] != NOT_HERE]
+        return [{name: row[name] for name in CLAIM} | {"family": PRIMARY} for row in rows if row["verdict"] != NOT_HERE]
     except (OSError, KeyError, UnicodeDecodeError) as error:
         raise InputError(f"{table} is no table of the headline ({error!r}); write it with radartwin tables --only headline") from error
 
@@ -47,7 +46,7 @@ def registration(claims: Sequence[dict[str, str]], date: str) -> dict[str, Any]:
             if not claim.get(name):
                 raise InputError(f"registration: the claim {claim.get(CLAIM[0])!r} has no {name}; make its table again")
     content = {"date": date, "draws": DRAWS, "claims": list(claims)}
-    return {**content, "sha256": _hash(content)}
+    return {**content, "sha256": spec_digest(content)}
 
 
 def read(path: Path) -> dict[str, Any]:
@@ -57,7 +56,7 @@ def read(path: Path) -> dict[str, Any]:
         found, claims, date = content.pop("sha256"), content["claims"], content["date"]
     except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
         raise InputError(f"{path} is no registration ({error!r})") from error
-    if found != _hash(content):
+    if found != spec_digest(content):
         raise InputError(f"{path}: the hash does not match, so the registration was changed after {date}; take the committed file")
     return registration(claims, date)
 
@@ -77,10 +76,6 @@ def differences(registered: dict[str, Any], claims: Sequence[dict[str, str]]) ->
             if found[text][name] != known[text][name]
         ]
     return lines
-
-
-def _hash(content: dict[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

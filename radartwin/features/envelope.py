@@ -74,11 +74,22 @@ def frames_per_revolution(angle_rad: Real) -> int:
     Raises:
         InputError: a revolution has fewer than three frames, or the recording is shorter than one revolution.
     """
-    step = np.abs(np.diff(angle_rad))
-    period = round(2 * np.pi / float(np.median(step))) if len(step) and np.median(step) > 0 else 0
+    period = _period(angle_rad)
     if not 3 <= period <= len(angle_rad):
-        raise InputError(f"{len(angle_rad)} frames over {np.rad2deg(np.sum(step)):.0f} degrees are not a revolution; record a whole one")
+        turned = np.rad2deg(np.abs(np.diff(angle_rad)).sum())
+        raise InputError(f"{len(angle_rad)} frames over {turned:.0f} degrees are not a revolution; record a whole one")
     return period
+
+
+def resolved(angle_rad: Real) -> bool:
+    """Return whether turntable angles (F,) are at least one revolution, with enough frames for HARMONICS cycles."""
+    return 2 * HARMONICS < _period(angle_rad) <= len(angle_rad)
+
+
+def _period(angle_rad: Real) -> int:
+    """Return the number of frames per revolution, or 0 if the turntable rests."""
+    step = np.abs(np.diff(angle_rad))
+    return round(2 * np.pi / float(np.median(step))) if len(step) and np.median(step) > 0 else 0
 
 
 def revolution(energy: Real, angle_rad: Real) -> Real:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import csv
-import hashlib
 import io
 import json
 import re
@@ -33,7 +32,8 @@ from radartwin.runs.run import extend_path, finished, naming, run_experiment
 from radartwin.runs.slurm import Slurm
 from radartwin.runs.tracking import Tracker
 from radartwin.store.clean import CACHE
-from radartwin.store.products import RUN, SHORT
+from radartwin.store.digest import spec_digest
+from radartwin.store.products import KEY_LENGTH, RUN, SHORT
 
 TABLE, DESCRIPTION = "jobs.csv", "sweep.json"
 
@@ -70,7 +70,7 @@ class Sweep:
         table = first.experiment.name or module_name(first.experiment)
         option, settings, folder = composer.launching([*overrides, *split(command)[1]])
         self._launcher = Slurm(settings) if option == "slurm" else Parallel(**settings) if option == "joblib" else Serial()
-        self._key = hashlib.sha256(f"{table} {title}".encode()).hexdigest()[:32]
+        self._key = spec_digest([table, title])[:KEY_LENGTH]
         usual = Path(first.output) / "sweeps" / f"{re.sub(r'[^A-Za-z0-9_.-]', '_', table)}_{self._key[:SHORT]}"
         self.folder = Path(folder or usual).absolute()
         self._experiment, self._title, self._results = table, title or table, Path(first.output).absolute() / CACHE / RUN

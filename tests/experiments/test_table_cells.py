@@ -16,7 +16,7 @@ from experiments.campaign import frame as frames
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell, difference, gap, mantel, mean, per, rank_correlation, using
 from experiments.claims import Claim
-from radartwin.errors import ConfigError
+from radartwin.errors import ConfigError, InputError
 
 OBJECTS = {"a": "metal", "b": "metal", "c": "plastic", "d": "plastic"}
 
@@ -90,8 +90,13 @@ def test_a_cell_that_cannot_be_computed_is_refused() -> None:
     frame = synthetic()
     with pytest.raises(ConfigError, match=r"cell 'level' \(of nothing\) selects no recordings; add them"):
         cells.table_rows(config("turntable_shape"), frame, lambda one: [Cell({"of": "nothing"}, "level", one[:0], mean("level"))])
-    with pytest.raises(ConfigError, match="reads 'entropy', which the frame lacks; another version read the frame"):
+    with pytest.raises(ConfigError, match="reads 'entropy', which its recordings lack"):
         cells.table_rows(config("turntable_shape"), frame, lambda one: [Cell({"of": "all"}, "level", one, mean("entropy"))])
+
+
+def test_recordings_of_less_than_a_revolution_are_refused_by_name() -> None:
+    with pytest.raises(InputError, match="no whole revolution of more than 12 frames; record one"):
+        frames.check_revolutions(synthetic())
 
 
 def test_a_saved_frame_is_read_unchanged(tmp_path) -> None:
