@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from radartwin.errors import BackendError, PoseError
-from radartwin.io.one_line import plural
 from radartwin.scene.trajectories.track import Track, from_quaternions, pose_matrices
 
 ODOMETRY, POSE, TF = "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped", "tf2_msgs/msg/TFMessage"
@@ -73,8 +72,6 @@ def _choose_topic(topic: str | None, kinds: dict[str, str], path: Path) -> str:
 
 
 def _from_poses(messages: list[Any], kind: str, source: str) -> Track:
-    if len(messages) < 2:
-        raise PoseError(f"{source} holds {plural(len(messages), 'pose')}; a trajectory needs at least two")
     poses = [m.pose.pose if kind == ODOMETRY else m.pose for m in messages]
     matrices = _matrices(((p.position, p.orientation) for p in poses), source)
     track = Track(np.array([_seconds(m) for m in messages]), matrices, source)
@@ -82,10 +79,7 @@ def _from_poses(messages: list[Any], kind: str, source: str) -> Track:
 
 
 def _from_transforms(messages: Iterable[Any], frame: str | None, source: str) -> Track:
-    """Compute the poses of a coordinate frame relative to the root of the transform tree, or to the parent frame given in `frame`.
-
-    The poses have the times of the transform that was published most often between the two frames.
-    """
+    """Compute poses of a frame relative to the tree's root, or to the parent in `frame`, at the times of its most frequent transform."""
     edges: dict[str, tuple[str, list[Any]]] = {}
     for message in messages:
         for transform in message.transforms:
