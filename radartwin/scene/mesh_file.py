@@ -178,9 +178,7 @@ def triangulated(points: np.ndarray, indices: np.ndarray, sizes: np.ndarray) -> 
 
 
 def _ears(ring: np.ndarray) -> np.ndarray:
-    """Cut the ears off a counter-clockwise polygon (N, 2). Return triangles (T, 3) that use every corner, also those in straight lines,
-    because the faces beside may end there.
-    """
+    """Cut a counter-clockwise polygon (N, 2) into triangles (T, 3) that use every corner, also in straight lines, where faces may end."""
     count = len(ring)
     triangles = triangulate_float64(ring, np.array([count], np.uint32)).reshape(-1, 3).astype(np.int64)
     (x, y), (u, v) = ((ring[triangles[:, k]] - ring[triangles[:, 0]]).T for k in (1, 2))

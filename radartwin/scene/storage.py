@@ -183,7 +183,7 @@ def _read_plain(path: Path, material: str | Layered | None) -> tuple[list[Surfac
             "(in Python, Scene.load takes the material of all surfaces)"
         )
     offset = offset_m(np.concatenate([mesh.bounds for mesh in meshes.values()]))
-    if not offset.any():
-        return [Surface(mesh, material, name) for name, mesh in meshes.items()], {"source": path.name}
-    moved = [Surface(mesh.copy().apply_translation(-offset), material, name) for name, mesh in meshes.items()]
-    return moved, {"source": path.name, "offset_m": offset.tolist()}
+    if offset.any():
+        meshes = {name: mesh.copy().apply_translation(-offset) for name, mesh in meshes.items()}
+    surfaces = [Surface(mesh, material, name) for name, mesh in meshes.items()]
+    return surfaces, {"source": path.name} | ({"offset_m": offset.tolist()} if offset.any() else {})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import trimesh
@@ -68,19 +68,11 @@ def _clustered(mesh: trimesh.Trimesh, cell: float) -> trimesh.Trimesh:
 
 
 def vertex_colours(mesh: trimesh.Trimesh) -> np.ndarray | None:
-    """Return the RGBA colours (V, 4) uint8 of the vertices of a mesh, sampled from the texture if the mesh has a texture.
-
-    The result is None for a mesh without colours.
-    """
-    visual = mesh.visual
-    if visual is None or not visual.defined:
+    """Return the RGBA colours (V, 4) uint8 of the vertices of a mesh, sampled from its texture if it has one; None without colours."""
+    visual: Any = mesh.visual
+    if not visual.defined or (visual.kind == "texture" and texture(mesh) is None):
         return None
-    if visual.kind in ("vertex", "face"):
-        colours = np.asarray(visual.vertex_colors, dtype=np.uint8)  # type: ignore[union-attr]
-        return colours if len(colours) == len(mesh.vertices) else None
-    if texture(mesh) is None:
-        return None
-    return np.asarray(visual.to_color().vertex_colors, dtype=np.uint8)  # type: ignore[union-attr]
+    return np.asarray((visual.to_color() if visual.kind == "texture" else visual).vertex_colors, dtype=np.uint8)
 
 
 def pictures(meshes: Sequence[trimesh.Trimesh]) -> tuple[list[bytes], np.ndarray]:
