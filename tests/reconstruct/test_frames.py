@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from radartwin.errors import MissingError, PoseError, ScanError
 from radartwin.reconstruct.frames.folder import save_frames
 from radartwin.reconstruct.frames.frames import Frame, Frames, points, rescaled
 from radartwin.reconstruct.frames.layouts import load_frames
@@ -25,9 +24,8 @@ def wall(name: str = "0", x: float = 0.0, distance: float = 2.0) -> Frame:
     return Frame(name, pose, LENS, depth, colour, COLOUR_LENS, np.full((24, 32), 2, np.uint8))
 
 
-@pytest.fixture
-def own(tmp_path: Path) -> Path:
-    return save_frames(Frames.of([wall("a"), wall("b", 0.1)]), tmp_path / "own")
+def own(folder: Path) -> Path:
+    return save_frames(Frames.of([wall("a"), wall("b", 0.1)]), folder)
 
 
 def arkit(folder: Path, count: int = 3, flip: float = 1.0, unit: float = 1000.0) -> Path:
@@ -54,8 +52,8 @@ def pose_file(folder: Path, lines: list[str], count: int | None = None) -> Path:
     return folder
 
 
-def test_own_layout_returns_the_saved_frames(own):
-    back = load_frames(own)
+def test_own_layout_returns_the_saved_frames(tmp_path):
+    back = load_frames(own(tmp_path / "own"))
     assert back.names == ("a", "b")
     for old, new in zip((wall("a"), wall("b", 0.1)), back, strict=True):
         assert np.allclose(new.pose, old.pose, atol=1e-12)
@@ -103,87 +101,18 @@ def test_tum_pictures_take_the_pose_nearest_in_time(tmp_path):
     assert frames[0].colour is not None
 
 
-def test_frames_load_without_depth_files_with_colour_only(own):
-    for path in (own / "depth").iterdir():
+def test_frames_load_without_depth_files_with_colour_only(tmp_path):
+    for path in (own(tmp_path / "own") / "depth").iterdir():
         path.unlink()
-    frame = load_frames(own, colour_only=True)[0]
+    frame = load_frames(tmp_path / "own", colour_only=True)[0]
     assert frame.colour is not None
     assert frame.depth_m.shape == frame.colour.shape[:2]
     assert not frame.depth_m.any()
-    with pytest.raises(MissingError, match="depth"):
-        load_frames(own)
 
 
-def test_slice_of_frames_is_frames(own):
-    part = load_frames(own)[1:]
+def test_slice_of_frames_is_frames(tmp_path):
+    part = load_frames(own(tmp_path / "own"))[1:]
     assert part.names == ("b",)
     assert part[0].pose[0, 3] == pytest.approx(0.1)
     moved = part.with_poses(np.eye(4)[None])
     assert np.array_equal(moved[0].pose, np.eye(4))
-
-
-def test_wrong_folders_frames_and_options_are_refused(tmp_path, own):
-    (tmp_path / "empty").mkdir()
-    refused = [
-        (MissingError, "not a folder", lambda: load_frames(tmp_path / "nowhere")),
-        (ScanError, "no frames found", lambda: load_frames(tmp_path / "empty")),
-        (ScanError, "no frames", lambda: Frames.of([])),
-        (ScanError, "same name", lambda: Frames.of([wall("a"), wall("a")])),
-        (ScanError, "2 frames and 1 pose;", lambda: load_frames(own).with_poses(np.eye(4)[None])),
-        (ScanError, "--up up is unknown; choose x, y, z", lambda: load_frames(own, up="up")),
-        (ScanError, "--poses sideways is unknown; choose opencv, opengl", lambda: load_frames(own, poses="sideways")),
-        (ScanError, "--depth-unit 0: give metres", lambda: load_frames(arkit(tmp_path / "c"), depth_unit_m=0.0)),
-        (ScanError, "--depth-unit does not apply", lambda: load_frames(tmp_path / "c", depth_unit_m=0.001, colour_only=True)),
-        (PoseError, "not finite", lambda: Frames(["0"], wall().pose[None] * np.nan, lambda i: wall())),
-        (PoseError, "00000 mirrors", lambda: load_frames(arkit(tmp_path / "a", flip=-1.0))),
-        (PoseError, "not a rotation", lambda: load_frames(arkit(tmp_path / "b", flip=1.1))),
-    ]
-    for error, message, call in refused:
-        with pytest.raises(error, match=message):
-            call()
-
-
-@pytest.mark.parametrize(("unit", "remedy"), [(1.0, "--depth-unit 1 "), (10_000.0, "--depth-unit 0.0002 .* or 0.0001 ")])
-def test_wrong_depth_unit_is_refused_with_plausible_units(tmp_path, unit, remedy):
-    with pytest.raises(ScanError, match=remedy):
-        load_frames(arkit(tmp_path / "arkit", unit=unit))
-
-
-def test_empty_missing_and_damaged_pictures_are_refused(tmp_path):
-    folder = arkit(tmp_path / "arkit")
-    (folder / "depth_00001.png").write_bytes(b"\x89PNG\r\n\x1a\n no more")
-    with pytest.raises(ScanError, match=r"depth_00001\.png: damaged"):
-        load_frames(folder)
-    (folder / "depth_00001.png").unlink()
-    with pytest.raises(ScanError, match=r"3 frame_N\.json and 2 depth_N\.png; number 00001"):
-        load_frames(folder)
-    empty = arkit(tmp_path / "zero", unit=0.0)
-    with pytest.raises(ScanError, match="empty"):
-        load_frames(empty)
-    (folder / "frame_00001.json").write_text("{}")
-    with pytest.raises(ScanError, match=r"frame_00001\.json: no camera|lacks"):
-        load_frames(folder)
-
-
-@pytest.mark.parametrize(
-    ("lines", "count", "intrinsics", "error", "message"),
-    [
-        (["0 0 0 0 0 0 1"], 2, (40, 40, 15.5, 11.5), ScanError, "1 pose, 2 depth and 2 colour"),
-        (["0 0 0 0 0 1"], None, (40, 40, 15.5, 11.5), ScanError, "line 1: 6 words"),
-        (["0 0 0 0 0 0 2"], None, (40, 40, 15.5, 11.5), PoseError, "length 2"),
-        (["0 0 0 0 0 0 1"], None, None, ScanError, "give --intrinsics FX FY CX CY"),
-        ([], 1, (40, 40, 15.5, 11.5), ScanError, "no poses"),
-    ],
-)
-def test_inconsistent_pose_files_are_refused(tmp_path, lines, count, intrinsics, error, message):
-    with pytest.raises(error, match=message):
-        load_frames(pose_file(tmp_path / "frames", lines, count), intrinsics)
-
-
-def test_damaged_or_missing_index_is_refused(own):
-    (own / "frames.json").write_text("{}")
-    with pytest.raises(ScanError, match=r"frames\.json: damaged"):
-        load_frames(own)
-    (own / "frames.json").unlink()
-    with pytest.raises(ScanError, match="no poses"):
-        load_frames(own)

@@ -5,11 +5,10 @@ import pytest
 import trimesh
 from trimesh.visual import ColorVisuals
 
-from radartwin.errors import ScanError
 from radartwin.reconstruct.build import _centred
 from radartwin.reconstruct.distance import Nearest, to_mesh
 from radartwin.reconstruct.frames.frames import Frame, Frames
-from radartwin.reconstruct.fusion import fusion, volume
+from radartwin.reconstruct.fusion import fusion
 from radartwin.reconstruct.fusion.fusion import fuse, holes
 from radartwin.reconstruct.scan_file import ScanWarning
 from radartwin.testbed.scanner.walk import look_along
@@ -219,15 +218,6 @@ def test_holes_are_counted_and_measured():
     assert found.count == 1  # the only boundary is the rim of the missing bottom
     assert found.area_m2 == pytest.approx(0.25, rel=0.01)
     assert found.boundary_m == pytest.approx(2 + 4)
-
-
-def test_unusable_frames_and_too_many_voxels_are_refused(monkeypatch):
-    dark = [Frame(f.name, f.pose, LENS, f.depth_m + np.float32(6), None, None, None) for f in frames(count=3)]
-    with pytest.raises(ScanError, match="no usable depth within 5 m"):
-        fuse(Frames.of(dark))
-    monkeypatch.setattr(volume, "MAX_BLOCKS", 300)
-    with pytest.raises(ScanError, match=r"pass voxel_m=0\.0[4-9]"):
-        fuse(frames(count=12), voxel_m=0.03, refine=False)
 
 
 def test_distance_to_a_mesh_matches_closed_form():

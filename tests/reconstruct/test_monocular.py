@@ -96,10 +96,3 @@ def test_relative_and_missing_models_are_refused(tmp_path, model_folder):
     (tmp_path / "empty").mkdir()
     with pytest.raises((MissingError, ScanError), match="empty: no"):
         DepthModel.load(tmp_path / "empty")
-
-
-def test_frames_without_colour_are_refused():
-    scene = rooms.lab(detail="shell")
-    bare, _ = scan(scene, frames=2, colour_every=0)
-    with pytest.raises(ScanError, match="no frame has colour"):
-        with_depth(bare, lambda colour: colour[..., 0])

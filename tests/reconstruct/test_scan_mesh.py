@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from radartwin.errors import MeshError, MissingError, ScanError
 from radartwin.reconstruct.scan_file import ScanWarning, load_scan
 
 
@@ -28,16 +27,19 @@ def in_frame(vertices, up):
     return {"z": np.stack([x, y, z], 1), "y": np.stack([x, z, -y], 1), "x": np.stack([z, x, y], 1)}[up[-1]]
 
 
-@pytest.mark.parametrize("up", ["x", "y", "z"])
+@pytest.mark.parametrize("up", ["x", "y", "z", "-x", "-y", "-z"])
 @pytest.mark.parametrize("suffix", [".glb", ".ply", ".obj", ".stl"])
 def test_up_axis_is_found_or_given_and_handedness_kept(tmp_path, up, suffix):
     mesh = room()
     path = tmp_path / f"room{suffix}"
     trimesh.Trimesh(in_frame(mesh.vertices, up), mesh.faces, process=False).export(path)
-    assert load_scan(path, up=up)[1].up_from == "as given"
-    loaded, report = load_scan(path)
-    assert (report.up, report.up_from) == (up, "found from the horizontal area")
+    loaded, report = load_scan(path, up=up)
+    assert (report.up, report.up_from) == (up, "as given")
+    found = load_scan(path)[1]  # a negative axis is not found, because a room has as much floor as ceiling
+    assert (found.up, found.up_from) == (up[-1], "found from the horizontal area")
     assert np.allclose(loaded.bounds, mesh.bounds, atol=1e-6)
+    floor = loaded.triangles_center[:, 2] < loaded.bounds[0, 2] + 0.01
+    assert (loaded.face_normals[floor, 2] > 0.99).all()
     assert loaded.volume == pytest.approx(-6.0 * 5.0 * 2.8)
     assert (report.watertight, report.components) == (True, 1)
     assert (report.degenerate_faces, report.duplicate_faces, report.non_manifold_edges, report.boundary_edges) == (0,) * 4
@@ -47,23 +49,11 @@ def test_up_axis_is_found_or_given_and_handedness_kept(tmp_path, up, suffix):
 def test_only_a_cube_in_a_glb_has_an_up_axis(tmp_path):
     mesh = room(3, 3, 3).apply_translation([0, 0, 1.5])
     path = write_obj(tmp_path / "cube.obj", mesh.vertices, mesh.faces)
-    with pytest.raises(ScanError, match=r"cube\.obj: no clear up axis.*--up z"):
-        load_scan(path)
     assert load_scan(path, up="z")[1].up == "z"
     trimesh.Trimesh(in_frame(mesh.vertices, "y"), mesh.faces, process=False).export(tmp_path / "cube.glb")
     loaded, report = load_scan(tmp_path / "cube.glb")
     assert np.allclose(loaded.vertices, mesh.vertices, atol=1e-6)
     assert any("up axis y (glTF 2.0 defines +Y as up" in line for line in report.lines())
-
-
-@pytest.mark.parametrize("up", ["-x", "-y", "-z"])
-def test_upside_down_scan_is_turned_by_a_negative_axis(tmp_path, up):
-    mesh = room()
-    loaded, _ = load_scan(write_obj(tmp_path / "room.obj", in_frame(mesh.vertices, up), mesh.faces), up=up)
-    assert loaded.extents == pytest.approx(mesh.extents)
-    assert loaded.volume == pytest.approx(mesh.volume)  # handedness
-    floor = loaded.triangles_center[:, 2] < loaded.bounds[0, 2] + 0.01
-    assert (loaded.face_normals[floor, 2] > 0.99).all()
 
 
 def test_objects_show_their_outside_and_rooms_their_inside(tmp_path):
@@ -110,31 +100,3 @@ def test_defects_are_counted_and_degenerate_and_duplicate_faces_removed(tmp_path
     assert (report.non_manifold_edges, report.boundary_edges, report.watertight) == (1, 2, False)  # the two free edges of the third face
     assert len(loaded.faces) == 13
     assert any("2 degenerate and 2 duplicate" in line for line in report.lines())
-
-
-def test_node_transforms_of_a_glb_are_applied(tmp_path):
-    scene = trimesh.Scene()
-    scene.add_geometry(room(), transform=trimesh.transformations.translation_matrix([1, 2, 3]))
-    scene.export(tmp_path / "moved.glb")
-    assert np.allclose(load_scan(tmp_path / "moved.glb")[0].bounds.mean(axis=0), [1, 2, 3])
-
-
-CORNERS, FACES = np.array([[0, 0, 0], [1.0, 0, 0], [0, 1, 1]]), [[0, 1, 2]]
-
-
-@pytest.mark.parametrize(
-    ("vertices", "faces", "options", "error", "message"),
-    [
-        (room().vertices * 1000, room().faces, {}, MeshError, r"a\.obj spans 6000 m.*millimetres.*--unit mm"),
-        (room().vertices, room().faces, {"unit": "mm"}, ScanError, r"spans only 0\.006 m"),
-        (CORNERS * [1, np.nan, 1], FACES, {}, MeshError, r"a\.obj: 3 of 3 vertices are NaN"),
-        (CORNERS, [], {}, ScanError, r"a\.obj holds no triangles"),
-        (CORNERS * [1, 0, 0], FACES, {}, ScanError, "all 1 faces are degenerate"),
-        (CORNERS, FACES, {"unit": "yard"}, ScanError, "--unit yard"),
-    ],
-)
-def test_unusable_meshes_and_unknown_options_are_refused(tmp_path, vertices, faces, options, error, message):
-    with pytest.raises(error, match=message):
-        load_scan(write_obj(tmp_path / "a.obj", vertices, faces), **options)
-    with pytest.raises(MissingError, match=r"gone\.ply"):
-        load_scan(tmp_path / "gone.ply")

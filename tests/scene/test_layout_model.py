@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from chat_server import ChatServer, completion
 
-from radartwin.errors import BackendError, LayoutError
+from radartwin.errors import BackendError
 from radartwin.io.chat import Endpoint
 from radartwin.scene import objects
 from radartwin.scene.layouts.layout import Layout
@@ -40,11 +40,6 @@ def model() -> Iterator[Callable[..., ChatServer]]:
 def test_a_simple_sentence_needs_no_server():
     layout = read_sentence("a mug on the desk", SCENE, endpoint=endpoint("http://127.0.0.1:9/v1"))
     assert layout.items[0].on == "desk"
-
-
-def test_without_a_model_a_hard_sentence_is_refused():
-    with pytest.raises(LayoutError, match="language model"):
-        read_sentence(HARD, SCENE)
 
 
 def test_the_request_has_schema_and_names_and_the_answer_becomes_the_layout(model):
@@ -88,8 +83,3 @@ def test_repeated_unusable_answers_raise_an_error(model):
         read_sentence(HARD, SCENE, endpoint=endpoint(server.url))
     assert len(server.requests) == 3
     assert "\n" not in str(caught.value)
-
-
-def test_an_unreachable_server_is_reported():
-    with pytest.raises(BackendError, match="no connection"):
-        read_sentence(HARD, SCENE, endpoint=endpoint("http://127.0.0.1:9/v1", pause_s=60))

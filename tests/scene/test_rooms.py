@@ -10,7 +10,6 @@ import pytest
 import trimesh
 from test_textures import visual
 
-from radartwin.errors import SceneError
 from radartwin.materials import Layered, roughness_m
 from radartwin.materials.minc import CATEGORIES
 from radartwin.radar.chirp import Radar
@@ -159,22 +158,6 @@ def test_court_lines_have_their_regulation_heights():
         return row[0] - row[2] > 80
 
     assert [red(h) for h in (0.9, 1.80, 1.95, 4.40, 4.59, 4.75)] == [False, True, False, False, True, False]
-
-
-@pytest.mark.parametrize(
-    ("name", "options", "words"),
-    [
-        ("attic", {}, "choose lab, atrium, squash_court"),
-        ("lab", {"back": "glass"}, "no option 'back'; it takes size_m, detail"),
-        ("atrium", {"size_m": (3, 3, 3)}, "at least 10.0 x 8.0 x 3.5"),
-        ("atrium", {"size_m": (12, 9)}, "2 numbers"),
-        ("squash_court", {"back": "brick"}, "choose solid or glass"),
-        ("squash_court", {"detail": "messy"}, "choose shell, furnished"),
-    ],
-)
-def test_invalid_rooms_and_options_are_refused(name, options, words):
-    with pytest.raises(SceneError, match=words):
-        rooms.room(name, **options)
 
 
 def test_support_ends_under_the_object_and_clears_the_floor():

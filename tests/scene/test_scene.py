@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from radartwin.errors import MaterialError, MeshError, MissingError, OutputError, SceneError
+from radartwin.errors import MissingError, OutputError, SceneError
 from radartwin.materials import Layered
 from radartwin.scene.objects import joined
 from radartwin.scene.scene import Scene, Surface
@@ -42,6 +42,7 @@ def test_a_scene_round_trips_with_the_same_bytes_and_without_temporary_files(tmp
         assert np.abs(a.mesh.vertex_normals - b.mesh.vertex_normals).max() < 1e-6
     for name in ("scene.glb", "manifest.json"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    assert scene.without(["floor"]).names == ("target", "window", "")
     scene.save(tmp_path / "a")
     assert sorted(p.name for p in (tmp_path / "a").iterdir()) == ["manifest.json", "scene.glb"]
 
@@ -52,28 +53,6 @@ def test_either_file_of_the_folder_loads_the_scene(tmp_path, part):
     assert Scene.load(tmp_path / part).names == ("target", "floor", "window", "")
     with pytest.raises(SceneError, match="has its own materials"):
         Scene.load(tmp_path / part, material="concrete")
-
-
-DAMAGES = {  # {damage: (function that changes the manifest's text, exception, part of the message)}
-    "not json": (lambda text: "{", SceneError, r"manifest\.json is not a radartwin-scene"),
-    "another document": (lambda text: "[]", SceneError, r"manifest\.json is not a radartwin-scene"),
-    "another format": (lambda text: text.replace("radartwin-scene", "other"), SceneError, r"manifest\.json is not a radartwin-scene"),
-    "another geometry": (lambda text: text.replace('"sha256": "', '"sha256": "0'), SceneError, r"scene\.glb is not the geometry"),
-    "an unknown material": (lambda text: text.replace('"metal"', '"unobtainium"'), MaterialError, "unobtainium"),
-    "a surface without mesh": (lambda text: text.replace('"geometry": "s00000"', '"geometry": "s9"'), SceneError, "geometry 's9', which"),
-}
-
-
-@pytest.mark.parametrize(("change", "error", "words"), DAMAGES.values(), ids=DAMAGES)
-def test_a_damaged_folder_is_refused_with_the_reason(tmp_path, change, error, words):
-    labelled_scene().save(tmp_path)
-    manifest = tmp_path / "manifest.json"
-    manifest.write_text(change(manifest.read_text()))
-    with pytest.raises(error, match=words):
-        Scene.load(tmp_path)
-    (tmp_path / "scene.glb").unlink()
-    with pytest.raises(MissingError, match=r"has no scene\.glb"):
-        Scene.load(tmp_path)
 
 
 @pytest.mark.parametrize("suffix", [".glb", ".ply", ".obj"])
@@ -87,57 +66,8 @@ def test_a_plain_mesh_needs_one_material(tmp_path, suffix):
     assert np.allclose(surface.mesh.bounds, [[-1, -1, -1], [1, 1, 1]])
 
 
-NAN = (
-    "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
-    "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\nnan 0 0\n0 1 0\n3 0 1 2\n"
-)
-UNUSABLE = {  # {file: (content, message)}
-    "broken.glb": ("glTF but not really", r"broken\.glb cannot be read"),
-    "room.dwg": ("AC1032", r"room\.dwg"),
-    "nan.ply": (NAN, r"nan\.ply.*NaN"),
-    "points.obj": ("v 0 0 0\nv 1 0 0\nv 0 1 0\n", r"points\.obj"),
-}
-
-
-@pytest.mark.parametrize("name", UNUSABLE)
-def test_missing_and_unusable_meshes_are_refused(tmp_path, name):
-    content, message = UNUSABLE[name]
-    with pytest.raises(MissingError, match=name):
-        Scene.load(tmp_path / name, material="metal")
-    (tmp_path / name).write_text(content)
-    with pytest.raises(MeshError, match=message):
-        Scene.load(tmp_path / name, material="metal")
-    mesh = box()
-    mesh.vertices[3, 1] = np.nan
-    for wrong, words in ((mesh, r"'lid'.*1 of 8 vertices are NaN"), (trimesh.Trimesh(), "empty")):
-        with pytest.raises(MeshError, match=words):
-            Surface(wrong, "metal", "lid")
-
-
-@pytest.mark.parametrize(("size", "hint"), [(6400.0, "millimetres"), (250.0, "centimetres"), (5e7, "convert the coordinates to metres")])
-def test_an_extent_over_100_m_is_refused_with_a_hint_at_the_unit(size, hint):
-    with pytest.raises(MeshError, match=f"over the limit of 100 m; .*{hint}"):
-        Surface(box(size), "metal", "hall")
-    Surface(box(100.0), "metal")
-
-
-@pytest.mark.parametrize(
-    ("kwargs", "error", "words"),
-    [
-        ({"material": "plasterbord"}, MaterialError, "plasterboard"),
-        ({"roughness_m": -1e-3}, SceneError, "roughness_m"),
-        ({"roughness_m": np.nan}, SceneError, "roughness_m"),
-        ({"correlation_m": 0.0}, SceneError, "correlation_m"),
-        ({"correlation_m": np.inf}, SceneError, "correlation_m"),
-        ({"role": "furniture"}, SceneError, "auto, object or room"),
-    ],
-)
-def test_invalid_fields_of_a_surface_are_refused(kwargs, error, words):
-    with pytest.raises(error, match=words):
-        Surface(box(), **{"material": "metal", **kwargs})
-
-
 def test_size_determines_the_kind_unless_the_role_is_given():
+    Surface(box(100.0), "metal")
     assert Surface(box(0.5), "metal").kind == "object"
     assert Surface(box(0.51), "metal").kind == "room"
     assert Surface(box(3.0), "metal", role="object").kind == "object"
@@ -167,18 +97,12 @@ def test_a_solid_with_doubled_vertices_stays_closed():
         Scene([Surface(soup, "metal")]).check_sensor(np.zeros(3))
 
 
-def test_without_refuses_an_unknown_name():
-    scene = labelled_scene()
-    assert scene.without(["floor"]).names == ("target", "window", "")
-    with pytest.raises(SceneError, match="no surface 'flor'"):
-        scene.without(["flor"])
-
-
 def test_a_failed_save_leaves_no_files(tmp_path):
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(OutputError, match="file"):
         labelled_scene().save(tmp_path / "file" / "room")
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
-    with pytest.raises(SceneError, match="nothing to save"):
-        Scene([]).save(tmp_path / "empty")
-    assert not (tmp_path / "empty").exists()
+    labelled_scene().save(tmp_path / "room")
+    (tmp_path / "room" / "scene.glb").unlink()
+    with pytest.raises(MissingError, match=r"has no scene\.glb"):
+        Scene.load(tmp_path / "room")

@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from radartwin.errors import SceneError
 from radartwin.scene import objects, rooms, textures
-from radartwin.scene.mesh_file import MeshWarning, read_meshes
 from radartwin.scene.scene import Scene, Surface
 
 
@@ -57,11 +55,6 @@ def test_texturing_keeps_triangles_and_normals():
             assert np.allclose(result.vertex_normals[result.faces], mesh.vertex_normals[mesh.faces])
 
 
-def test_unknown_looks_are_refused():
-    with pytest.raises(SceneError, match="no texture 'tweed'"):
-        textures.textured(objects.box([0, 0, 0], [1, 1, 1]), "tweed")
-
-
 def test_a_room_round_trips_with_its_textures(tmp_path):
     scene = rooms.room("lab", detail="cluttered")
     scene.save(tmp_path)
@@ -96,12 +89,3 @@ def test_half_a_million_faces_are_saved_and_loaded_in_seconds(tmp_path):
     assert time.process_time() - start < 10
     assert sum(len(s.mesh.faces) for s in again) == 7 * len(ball.faces) > 500_000
     assert np.array_equal(visual(again.surfaces[3].mesh).vertex_colors, visual(ball).vertex_colors)
-
-
-def test_a_missing_material_file_causes_a_warning(tmp_path):
-    path = tmp_path / "room.obj"
-    textures.textured(objects.box([0, 0, 0], [1, 1, 1]), "brick").export(path)
-    assert visual(next(iter(read_meshes(path).values()))).kind == "texture"
-    (tmp_path / "material.mtl").unlink()
-    with pytest.warns(MeshWarning, match=r"material\.mtl"):
-        assert len(next(iter(read_meshes(path).values())).faces) == 12
