@@ -142,10 +142,7 @@ def unsure(bias_m: float, columns: int) -> Frames:
 
 
 def test_high_confidence_outweighs_low():
-    """Depth values with high confidence outweigh depth values with low confidence: the fused mesh stays within 3 mm (median) of the true
-    surface, although the low-confidence depth values are wrong by 30 mm. In real scans, low-confidence depth values have errors of 21 to
-    33 mm at distances of 1.25 to 2.25 m (docs/decisions/005).
-    """
+    """Depths of low confidence are wrong by 30 mm; in real scans by 21 to 33 mm at 1.25 to 2.25 m (docs/decisions/005)."""
     mesh, report = fuse(unsure(-0.03, 40), voxel_m=0.03, refine=False)
     away = to_truth(np.asarray(mesh.vertices))
     assert np.median(away) < 0.003
@@ -160,9 +157,7 @@ def test_surfaces_with_only_low_confidence_are_kept():
 
 
 def test_alignment_reduces_drift_to_a_quarter():
-    """The alignment of depth frames reduces the drift of the camera position, here a random walk of several centimetres, to a quarter. The
-    test measures errors of relative positions, because the position of the whole scan is not determined.
-    """
+    """The drift is a random walk of centimetres. Errors are of relative positions, because that of the whole scan is not determined."""
     truth = frames(noise_m=0.003)
     rng = np.random.default_rng(2)
     turn, shift = np.cumsum(np.radians(0.15) * rng.standard_normal(40)), np.cumsum(0.012 * rng.standard_normal((40, 3)), axis=0)

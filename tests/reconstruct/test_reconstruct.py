@@ -2,12 +2,12 @@
 
 import time
 import warnings
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 from built_rooms import WINDOW, coloured, modelled, saved, scan, shell, truth, with_door
-from trimesh.visual import ColorVisuals
 
 from radartwin.errors import MissingError, OutputError
 from radartwin.reconstruct.build import FACE_SURFACES_FILE, MESH_FILE, ScanOptions, distinct_views, reconstruct, summary
@@ -21,16 +21,13 @@ from radartwin.scene.scene import Scene
 
 def test_scene_folder_holds_the_scan_and_the_surface_of_each_face_and_is_deterministic(tmp_path):
     ball = trimesh.creation.icosphere(3, 0.3).apply_translation([2, 1, 0.4])
-    mesh = coloured(scan([*shell(WINDOW), ball], 0.004), with_door)
+    mesh: Any = coloured(scan([*shell(WINDOW), ball], 0.004), with_door)
     path = saved(mesh, tmp_path)
     scene = reconstruct(path, tmp_path / "out")
     reconstruct(path, tmp_path / "two")
     for file in ("scene.glb", "manifest.json", MESH_FILE, FACE_SURFACES_FILE):
         assert (tmp_path / "out" / file).read_bytes() == (tmp_path / "two" / file).read_bytes(), file
-    again = trimesh.load(tmp_path / "out" / MESH_FILE, process=False)
-    assert isinstance(again, trimesh.Trimesh)
-    assert isinstance(again.visual, ColorVisuals)
-    assert isinstance(mesh.visual, ColorVisuals)
+    again: Any = trimesh.load(tmp_path / "out" / MESH_FILE, process=False)
     surface_of_face = np.load(tmp_path / "out" / FACE_SURFACES_FILE)
     assert len(surface_of_face) == len(again.faces)
     assert np.array_equal(again.visual.vertex_colors[:, :3], mesh.visual.vertex_colors[:, :3])

@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_field_scans import HALL, field, write_glb
 from test_frames import arkit, own, pose_file, wall
 from test_fusion import frames
-from test_scan_mesh import room, write_obj
+from test_scan_mesh import HALL, field, room, write_glb, write_obj
 
 from radartwin.errors import MeshError, MissingError, PoseError, ScanError
 from radartwin.reconstruct.build import ScanOptions, reconstruct
@@ -30,8 +29,6 @@ def of_mesh(error: type[Exception], message: str, vertices: np.ndarray, faces: A
 
 
 def of_file(message: str, name: str, write: Callable[[Path], object]) -> Row:
-    """Return the row of a mesh file that the test writes."""
-
     def call(folder: Path) -> object:
         write(folder / name)
         return load_scan(folder / name)
@@ -44,8 +41,6 @@ def of_field(message: str, name: str, error: type[Exception] = MeshError) -> Row
 
 
 def of_folder(error: type[Exception], message: str, make: Callable[[Path], object], **options: Any) -> Row:
-    """Return the row of a folder of frames."""
-
     def call(folder: Path) -> object:
         make(folder / "frames")
         return load_frames(folder / "frames", **options)
@@ -53,12 +48,7 @@ def of_folder(error: type[Exception], message: str, make: Callable[[Path], objec
     return error, message, call
 
 
-def poses(lines: list[str], count: int | None = None) -> Callable[[Path], object]:
-    return lambda folder: pose_file(folder, lines, count)
-
-
 def changed(make: Callable[[Path], Path], name: str, content: bytes | None) -> Callable[[Path], object]:
-    """Return a function that makes a folder of frames, in which a file then has other content or is missing."""
     return lambda folder: (make(folder) / name).unlink() if content is None else (make(folder) / name).write_bytes(content)
 
 
@@ -109,11 +99,11 @@ ROWS: list[Row] = [
     of_folder(ScanError, r"frames\.json: damaged", changed(own, "frames.json", b"{}")),
     of_folder(ScanError, "no poses", changed(own, "frames.json", None)),
     of_folder(MissingError, r"depth/a\.png", changed(own, "depth/a.png", None)),
-    of_folder(ScanError, "1 pose, 2 depth and 2 colour", poses(["0 0 0 0 0 0 1"], 2), intrinsics=LENS),
-    of_folder(PoseError, "line 1: 7 numbers", poses(["0 0 0 0 0 1"]), intrinsics=LENS),
-    of_folder(PoseError, "length 2", poses(["0 0 0 0 0 0 2"]), intrinsics=LENS),
-    of_folder(ScanError, "give --intrinsics FX FY CX CY", poses(["0 0 0 0 0 0 1"])),
-    of_folder(ScanError, "no poses", poses([], 1), intrinsics=LENS),
+    of_folder(ScanError, "1 pose, 2 depth and 2 colour", lambda path: pose_file(path, ["0 0 0 0 0 0 1"], 2), intrinsics=LENS),
+    of_folder(PoseError, "line 1: 7 numbers", lambda path: pose_file(path, ["0 0 0 0 0 1"]), intrinsics=LENS),
+    of_folder(PoseError, "length 2", lambda path: pose_file(path, ["0 0 0 0 0 0 2"]), intrinsics=LENS),
+    of_folder(ScanError, "give --intrinsics FX FY CX CY", lambda path: pose_file(path, ["0 0 0 0 0 0 1"])),
+    of_folder(ScanError, "no poses", lambda path: pose_file(path, [], 1), intrinsics=LENS),
     (ScanError, "no frames", lambda _: Frames.of([])),
     (ScanError, "same name", lambda _: Frames.of([wall("a"), wall("a")])),
     (ScanError, "1 frame and 2 poses;", lambda _: Frames.of([wall("a")]).with_poses(np.tile(np.eye(4), (2, 1, 1)))),

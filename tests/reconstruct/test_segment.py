@@ -28,9 +28,7 @@ def outer_sides(low, size):
 
 @functools.cache
 def room(noise_m):
-    """Return a room with a cabinet and a table-like block above the floor: the noisy mesh, the true surface of every face, and the found
-    segments.
-    """
+    """Return a room with a cabinet and a block above the floor: the noisy mesh, the true surface of every face, and the segments."""
     pieces = [sheet(*side, edge_m=EDGE_M) for side in inner_sides(SIZE)]
     pieces += outer_sides((5.0, 1.0, 0.3), (0.6, 1.2, 1.6)) + outer_sides((2.5, 3.0, 0.4), (1.6, 0.9, 0.35))
     mesh = scan(pieces, noise_m)
@@ -193,9 +191,7 @@ BOARD = (1.2, 0.9, 1.8, 1.8)  # left, bottom, right, top
 
 
 def relief(proud_m):
-    """Return a wall of 3 x 2.5 m that faces +x, with depth noise of 3 mm and a blue board that stands out from the wall by `proud_m`
-    metres.
-    """
+    """Return a wall of 3 x 2.5 m that faces +x, with depth noise of 3 mm and a blue board that stands out from the wall by `proud_m`."""
     wall = sheet([0, 0, 0], Y, Z, (3.0, 2.5), edge_m=RELIEF_CELL_M)
     _, y, z = wall.vertices.T
     inside = (y > BOARD[0]) & (y < BOARD[2]) & (z > BOARD[1]) & (z < BOARD[3])

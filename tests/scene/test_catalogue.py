@@ -7,7 +7,7 @@ import trimesh
 from radartwin.config.compose import compose
 from radartwin.errors import ConfigError
 from radartwin.materials import Layered
-from radartwin.scene import checks, objects
+from radartwin.scene import objects
 from radartwin.scene.checks import welded
 from radartwin.scene.layouts.stock import from_mesh
 from radartwin.scene.mesh_file import MeshWarning, read_meshes
@@ -70,9 +70,7 @@ def test_objects_are_closed_outward_and_smooth(name):
 
 @pytest.mark.parametrize("name", [n for n in NAMES if objects.entry(n).volume_ml])
 def test_inside_volume_matches_the_label(name):
-    """The inside volume of a food can up to its brim agrees with the printed volume within 4 %; the inside volume of all other vessels is 0
-    to 12 % larger.
-    """
+    """The inside of a food can up to its brim has the printed volume within 4 %; that of other vessels is 0 to 12 % larger."""
     entry = objects.entry(name)
     body = entry.surfaces()[0].mesh
     inside = (welded(body).volume - entry.wall_m * body.area) * 1e6
@@ -154,11 +152,11 @@ SOLIDS = {
 @pytest.mark.parametrize("name", SOLIDS)
 def test_solids_are_closed_outward_and_of_the_right_size(name):
     mesh, volume, area = SOLIDS[name]
-    welded = checks.welded(mesh)
-    assert welded.is_watertight
-    assert welded.volume == pytest.approx(volume, rel=2e-3)  # inscribed facets lose up to 0.1 %
-    assert welded.area == pytest.approx(area, rel=2e-3)
-    assert np.abs(welded.bounds.mean(axis=0) - (0 if name != "box" else [0.05, 0.1, 0.15])).max() < 1e-12
+    solid = welded(mesh)
+    assert solid.is_watertight
+    assert solid.volume == pytest.approx(volume, rel=2e-3)  # inscribed facets lose up to 0.1 %
+    assert solid.area == pytest.approx(area, rel=2e-3)
+    assert np.abs(solid.bounds.mean(axis=0) - (0 if name != "box" else [0.05, 0.1, 0.15])).max() < 1e-12
 
 
 def test_sphere_normals_are_radial():
