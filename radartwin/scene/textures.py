@@ -151,9 +151,7 @@ def _box_projected(mesh: trimesh.Trimesh, material: PBRMaterial, size_m: tuple[f
     flat = np.take_along_axis(points, plane, axis=1)
     if fit:
         low, high = np.asarray(mesh.bounds)
-        corner = np.take_along_axis(np.broadcast_to(low, points.shape), plane, axis=1)
-        extent = np.take_along_axis(np.broadcast_to(high - low, points.shape), plane, axis=1)
-        uv = (flat - corner) / np.maximum(extent, 1e-9)
+        uv = (flat - low[plane]) / np.maximum((high - low)[plane], 1e-9)
         # Seen from outside, text in the picture must read from left to right.
         outward = np.take_along_axis(normals[vertex], side[:, None], axis=1)[:, 0]
         mirrored = np.where(side == 1, outward > 0, outward < 0)

@@ -57,21 +57,16 @@ def _save_frame(frame: Frame, folder: Path) -> dict[str, Any]:
     if not re.fullmatch(r"[\w.-]+", frame.name):
         raise ScanError(f"frame '{frame.name}': use only letters, digits, - _ and . because the name becomes a file name")
     counts = np.minimum(np.rint(frame.depth_m / UNIT_M), 65535).astype(np.uint16)
-    entry: dict[str, Any] = {
+    colour, lens, confidence = frame.colour, frame.colour_intrinsics, frame.confidence
+    return {
         "name": frame.name,
         "pose": frame.pose.tolist(),
         "intrinsics": frame.intrinsics.tolist(),
-        "colour_intrinsics": None,
+        "colour_intrinsics": None if colour is None or lens is None else lens.tolist(),
         "depth": _write(counts, folder, f"depth/{frame.name}.png"),
-        "colour": None,
-        "confidence": None,
+        "colour": None if colour is None or lens is None else _write(colour, folder, f"colour/{frame.name}.jpg"),
+        "confidence": None if confidence is None else _write(confidence, folder, f"confidence/{frame.name}.png"),
     }
-    if frame.colour is not None and frame.colour_intrinsics is not None:
-        entry["colour"] = _write(frame.colour, folder, f"colour/{frame.name}.jpg")
-        entry["colour_intrinsics"] = frame.colour_intrinsics.tolist()
-    if frame.confidence is not None:
-        entry["confidence"] = _write(frame.confidence, folder, f"confidence/{frame.name}.png")
-    return entry
 
 
 def _write(pixels: np.ndarray, folder: Path, name: str) -> str:

@@ -95,7 +95,9 @@ def _check_convention(
     source: str, views: list[View], poses: np.ndarray, convention: str | None, metadata_file: str, scale: float
 ) -> Agreement:
     """Compare the given pose convention with all other conventions, and return the `Agreement` of the given convention."""
-    as_written = _as_written(poses, convention or "opencv")
+    # back to the convention of the file: the inverse of `camera_to_world`
+    flipped = camera_to_world(poses, "opengl") if (convention or "").startswith("opengl") else poses
+    as_written = camera_to_world(flipped, "opencv-inverse") if (convention or "").endswith("-inverse") else flipped
     found = disagreement(views, [camera_to_world(as_written, name) for name in POSE_CONVENTIONS])
     agreements = {name: Agreement(name, *values) for name, values in zip(POSE_CONVENTIONS, found, strict=True)}
     given = agreements[convention or "opencv"]
@@ -136,12 +138,6 @@ def _check_unit(source: str, chosen: Sequence[Frame], views: list[View], poses: 
     if equal:
         text = f"the views do not determine the unit of depth: it may be {described(given, unit_m)}, as given, or {' or '.join(equal)}"
         warnings.warn(f"{source}: {text}; check --depth-unit", ScanWarning, stacklevel=3)
-
-
-def _as_written(poses: np.ndarray, convention: str) -> np.ndarray:
-    """Convert camera-to-world poses back to the pose convention of the file, as the inverse of `camera_to_world`."""
-    flipped = camera_to_world(poses, "opengl") if convention.startswith("opengl") else poses
-    return camera_to_world(flipped, "opencv-inverse") if convention.endswith("-inverse") else flipped
 
 
 def _extent_m(chosen: Sequence[Frame], factor: float) -> np.ndarray:

@@ -57,7 +57,10 @@ def prepared(frame: Frame, max_range_m: float) -> View:
     depth = np.where(frame.depth_m <= max_range_m, frame.depth_m, np.float32(0)).astype(np.float32)
     confidence = np.full(depth.shape, 2, np.uint8) if frame.confidence is None else np.minimum(frame.confidence, 2)
     lens = _lens(frame.intrinsics)
-    slope, weight = _slope(depth, _sigma(depth, confidence), lens)
+    noise = NOISE[confidence]
+    # standard deviation of each depth pixel in metres, at least that of a pixel of high confidence
+    sigma = np.maximum(noise[..., 0] + (noise[..., 1] + noise[..., 2] * depth) * depth, NOISE_FLOOR_M + NOISE_PER_M * depth)
+    slope, weight = _slope(depth, sigma, lens)
     return View(frame.pose, lens, depth, slope, weight, *_reduced(frame))
 
 
@@ -74,12 +77,6 @@ def _reduced(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
     blocks = frame.colour[: height * factor, : width * factor].reshape(height, factor, width, factor, 3)
     small = ((2 * blocks.sum(axis=(1, 3), dtype=np.uint32) + factor**2) // (2 * factor**2)).astype(np.uint8)
     return small, _lens(rescaled(frame.colour_intrinsics, (width * factor, height * factor), (width, height)))
-
-
-def _sigma(depth: np.ndarray, confidence: np.ndarray) -> np.ndarray:
-    """Return the standard deviation (h, w) in metres of each depth pixel, at least that of a pixel of high confidence."""
-    noise = NOISE[confidence]
-    return np.maximum(noise[..., 0] + (noise[..., 1] + noise[..., 2] * depth) * depth, NOISE_FLOOR_M + NOISE_PER_M * depth)
 
 
 @compiled

@@ -162,17 +162,12 @@ def simplified(mesh: trimesh.Trimesh, faces: np.ndarray) -> tuple[trimesh.Trimes
     if area <= 0 or float(np.ptp(points, axis=0).max()) <= 0:
         return None
     target = int(np.clip(area / FACE_M2, MIN_FACES, MAX_FACES))
+    smooth = _smoothed(piece) if target < len(index) else points
     best, error = piece, 0.0
-    if len(index) > target:
-        smooth = _smoothed(piece)
-        for _ in range(TRIES):
-            if target >= len(index):
-                best, error = piece, 0.0
-                break
-            best, error = _decimated(smooth, index, target, points)
-            if error <= ERROR_M:
-                break
-            target *= 2
+    for goal in (target * 2**k for k in range(TRIES)):
+        best, error = _decimated(smooth, index, goal, points) if goal < len(index) else (piece, 0.0)
+        if error <= ERROR_M:
+            break
     best.update_faces(best.nondegenerate_faces(height=1e-6))
     best.remove_unreferenced_vertices()
     return (best, error) if len(best.faces) else None

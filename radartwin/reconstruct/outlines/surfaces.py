@@ -160,12 +160,9 @@ def _groups(faces: Faces, segments: Sequence[Segment], touching: Sequence[dict[i
     for k in order:
         if k in taken:
             continue
-        members = [k]
-        for j in sorted(touching[k], key=lambda j: -segments[j].area_m2):
-            if j not in taken and _in_plane_of(faces, segments[j], segments[k]):
-                members.append(j)
-        taken.update(members)
-        groups.append(members)
+        near = sorted(touching[k], key=lambda j: -segments[j].area_m2)
+        groups.append([k, *(j for j in near if j not in taken and _in_plane_of(faces, segments[j], segments[k]))])
+        taken.update(groups[-1])
     return groups
 
 

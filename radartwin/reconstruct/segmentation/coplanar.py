@@ -42,7 +42,9 @@ def merge(faces: Faces, label: np.ndarray) -> np.ndarray:
             if joined[i] != i or joined[j] != j or pair in refused:
                 continue
             gap_m = min(GAP_M, GAP_SIZES * area[j] ** 0.5)
-            if _coplanar(faces, groups[i], groups[j]) and _one_surface(faces, groups[i], groups[j], (normal[i], offset[i]), gap_m, places):
+            fitted, at = faces.plane(np.concatenate([groups[i], groups[j]]))  # a common plane
+            away = [np.average(np.abs(faces.centre[g] @ fitted - at), weights=faces.area[g]) for g in (groups[i], groups[j])]
+            if max(away) < OFFSET_M and _one_surface(faces, groups[i], groups[j], (normal[i], offset[i]), gap_m, places):
                 joined[j] = i
             else:
                 refused.add(pair)
@@ -70,12 +72,6 @@ def _pairs(normal: np.ndarray, offset: np.ndarray, centre: np.ndarray, area: np.
     i, j = np.where(swap, j, i), np.where(swap, i, j)
     order = np.lexsort((-area[j], -area[i]))
     return [(int(a), int(b)) for a, b in zip(i[order], j[order], strict=True)]
-
-
-def _coplanar(faces: Faces, first: np.ndarray, second: np.ndarray) -> bool:
-    """Return whether a common plane fits the faces of both pieces."""
-    normal, offset = faces.plane(np.concatenate([first, second]))
-    return all(np.average(np.abs(faces.centre[g] @ normal - offset), weights=faces.area[g]) < OFFSET_M for g in (first, second))
 
 
 def _one_surface(

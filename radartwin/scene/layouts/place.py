@@ -187,7 +187,8 @@ def _related(item: Item, body: Body, scene: Scene, sensor_pose: np.ndarray | Non
     if not possible:
         raise LayoutError(f"there is no place for the {sentence}; choose another place ({_described(choices, on)})")
     if len(possible) > 1:
-        raise LayoutError(f"the {sentence} may be {' or '.join(_choice(s, r) for s, r, _ in possible)}; name one of them")
+        choice = " or ".join(" ".join([f"on {s.name}", *(f"{r.relation} {a.name}" for r, a in related)]) for s, related, _ in possible)
+        raise LayoutError(f"the {sentence} may be {choice}; name one of them")
     surface, _, positions = possible[0]
     reason: LayoutError | None = None
     tested = _spread(len(positions))
@@ -257,10 +258,6 @@ def _sentence(item: Item) -> str:
     parts = [item.object, *([f"on {item.on}"] if item.on else [])]
     parts += [f"{r.relation} {r.anchor}" if r.distance_m is None else f"{r.distance_m:g} m {r.relation} {r.anchor}" for r in item.relations]
     return " ".join(parts)
-
-
-def _choice(surface: Surface, related: Sequence[tuple[Relation, Anchor]]) -> str:
-    return " ".join([f"on {surface.name}", *(f"{r.relation} {a.name}" for r, a in related)])
 
 
 def _extent(support: Surface) -> str:

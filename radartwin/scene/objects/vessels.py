@@ -112,13 +112,10 @@ def oval(sections_m: Sequence[tuple[float, float, float, float]] | np.ndarray, r
         raise MeshError("oval: half width and depth must be positive and the exponent at least 1")
     from scipy.interpolate import PchipInterpolator
 
-    heights = np.concatenate(
-        [
-            np.linspace(low, high, max(2, int(np.ceil((high - low) / ring_m)) + 1))[:-1]
-            for low, high in zip(sections[:-1, 0], sections[1:, 0], strict=True)
-        ]
-        + [sections[-1:, 0]]
-    )
+    levels = sections[:, 0]
+    counts = np.maximum(2, np.ceil(np.diff(levels) / ring_m).astype(int) + 1)
+    between = [np.linspace(low, high, count)[:-1] for (low, high), count in zip(itertools.pairwise(levels), counts, strict=True)]
+    heights = np.concatenate([*between, levels[-1:]])
     shape = PchipInterpolator(sections[:, 0], sections[:, 1:])(heights)
     rings = np.array([superellipse(a, b, n) for a, b, n in shape])
     points = np.concatenate([rings, np.broadcast_to(heights[:, None, None], (*rings.shape[:2], 1))], axis=2)
@@ -154,9 +151,7 @@ def superellipse(a: float, b: float, n: float) -> np.ndarray:
     share = np.concatenate([[0], np.cumsum(length / length.sum() + turn / turn.sum())]) / 2
     at = np.linspace(0, 1, QUADRANT + 1)[:-1]
     quarter = np.stack([np.interp(at, share, fine[:, k]) for k in (0, 1)], axis=1)
-    end = np.array([[0.0, b]])
-    second = np.concatenate([end, quarter[:0:-1] * [-1, 1]])
-    half = np.concatenate([quarter, second])
+    half = np.concatenate([quarter, [[0.0, b]], quarter[:0:-1] * [-1, 1]])
     return np.concatenate([half, -half])
 
 

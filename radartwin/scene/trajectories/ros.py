@@ -53,7 +53,9 @@ def read_bag(path: str | Path, topic: str | None = None, frame: str | None = Non
         return _from_transforms(messages, frame, source)
     if frame:
         raise PoseError(f"{source} describes one body, so frame={frame} has no effect; leave it out, or choose topic /tf")
-    return _from_poses(messages, kinds[topic], source)
+    poses = [m.pose.pose if kinds[topic] == ODOMETRY else m.pose for m in messages]
+    track = Track(np.array([_seconds(m) for m in messages]), _matrices(((p.position, p.orientation) for p in poses), source), source)
+    return track.from_axes("optical" if kinds[topic] == ODOMETRY and _is_optical(messages[0].child_frame_id) else "sensor")
 
 
 def _choose_topic(topic: str | None, kinds: dict[str, str], path: Path) -> str:
@@ -69,13 +71,6 @@ def _choose_topic(topic: str | None, kinds: dict[str, str], path: Path) -> str:
     if kinds[topic] not in (ODOMETRY, POSE, TF):
         raise PoseError(f"{path}: topic {topic} is {kinds[topic].replace('/msg/', '/')}, not poses; it has {listed}")
     return topic
-
-
-def _from_poses(messages: list[Any], kind: str, source: str) -> Track:
-    poses = [m.pose.pose if kind == ODOMETRY else m.pose for m in messages]
-    matrices = _matrices(((p.position, p.orientation) for p in poses), source)
-    track = Track(np.array([_seconds(m) for m in messages]), matrices, source)
-    return track.from_axes("optical" if kind == ODOMETRY and _is_optical(messages[0].child_frame_id) else "sensor")
 
 
 def _from_transforms(messages: Iterable[Any], frame: str | None, source: str) -> Track:

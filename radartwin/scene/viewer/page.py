@@ -84,7 +84,7 @@ def describe(
     jpegs, coordinates = pictures(meshes)
     low, high = scene.bounds
     content = {
-        "title": title or _title(scene),
+        "title": title or str(scene.provenance.get("room") or scene.provenance.get("source") or "scene"),
         "note": _note(scene, meshes, cell),
         "mode": by,
         "bounds": [low.tolist(), high.tolist()],
@@ -192,10 +192,6 @@ def _poses(poses: np.ndarray | None) -> np.ndarray | None:
     if poses.shape[-2:] != (4, 4) or poses.ndim not in (2, 3) or not poses.size or not np.isfinite(poses).all():
         raise PoseError(f"view: poses of shape {poses.shape}; give finite (F, 4, 4) sensor-to-world poses")
     return poses.reshape(-1, 4, 4)
-
-
-def _title(scene: Scene) -> str:
-    return str(scene.provenance.get("room") or scene.provenance.get("source") or "scene")
 
 
 def _note(scene: Scene, meshes: Sequence[trimesh.Trimesh], cell: float) -> str:
