@@ -9,17 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
+from PIL import Image
 from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
 from radartwin.errors import SceneError
 from radartwin.scene import patterns
-
-if TYPE_CHECKING:
-    from trimesh.visual.material import PBRMaterial
 
 PIXEL_M = 0.004  # default size of a bitmap pixel in metres; a pixel of a phone's camera covers 3 mm at 4 m
 
@@ -197,7 +196,4 @@ def _material(name: str, seed: int) -> PBRMaterial:
 
 
 def _pbr(image: np.ndarray, metallic: float) -> PBRMaterial:
-    from PIL import Image
-    from trimesh.visual.material import PBRMaterial
-
     return PBRMaterial(baseColorTexture=Image.fromarray(image), metallicFactor=metallic, roughnessFactor=0.4 if metallic else 0.9)

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 
 from radartwin.errors import ScanError
 from radartwin.io import untrusted_json
@@ -70,8 +71,6 @@ def _save_frame(frame: Frame, folder: Path) -> dict[str, Any]:
 
 
 def _write(pixels: np.ndarray, folder: Path, name: str) -> str:
-    from PIL import Image
-
     stream = io.BytesIO()
     if name.endswith(".jpg"):
         Image.fromarray(pixels).save(stream, "JPEG", quality=JPEG_QUALITY, subsampling=0)

@@ -108,7 +108,6 @@ def _rotation_between(start: np.ndarray, poses: np.ndarray) -> Rotation:
 def _anchored(start: np.ndarray, poses: np.ndarray) -> np.ndarray:
     """Move all poses by one rigid motion, so that heading and position fit the first views, and roll and pitch fit all views."""
     # a weighted mean over the first views, because the noise of a single view would move the whole scan
-    # a weighted mean over the first views, because the noise of a single view would move the whole scan
     path = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(start[:, :3, 3], axis=0), axis=1))])
     weight = np.exp(-path / ANCHOR_M)
     weight /= weight.sum()

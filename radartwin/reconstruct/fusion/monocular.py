@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 
 from radartwin.errors import BackendError, MissingError, ScanError
 from radartwin.io import untrusted_json
@@ -91,7 +92,6 @@ class DepthModel:
     def __call__(self, colour: np.ndarray) -> np.ndarray:
         """Estimate the depth (h, w), float32 metres at the network's resolution, of a colour picture (H, W, 3) uint8."""
         import torch
-        from PIL import Image
 
         height = max(round(min(self.height, colour.shape[0]) / self.multiple), 1) * self.multiple
         width = max(round(height * colour.shape[1] / colour.shape[0] / self.multiple), 1) * self.multiple
@@ -126,8 +126,6 @@ def with_depth(frames: Frames, estimate: Estimator) -> Frames:
 
 
 def _sized(depth: np.ndarray) -> np.ndarray:
-    from PIL import Image
-
     width = min(DEPTH_WIDTH, depth.shape[1])
     height = max(round(depth.shape[0] * width / depth.shape[1]), 1)
     resized = np.asarray(Image.fromarray(depth.astype(np.float32)).resize((width, height), Image.Resampling.BILINEAR))

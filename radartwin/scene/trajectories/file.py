@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from radartwin.errors import MissingError, PoseError
 from radartwin.io.git_lfs import refuse_pointer
@@ -52,8 +53,6 @@ def read_track(path: str | Path, axes: Axes = "sensor", topic: str | None = None
 
 def parse_track(text: str, source: str, csv: bool) -> Track:
     """Read the timed poses in TUM or CSV text; `read_track` explains both formats."""
-    from scipy.spatial.transform import Rotation
-
     lines = numbered(text)
     names: Sequence[str] = TUM
     if csv:

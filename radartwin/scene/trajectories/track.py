@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
 
 from radartwin.errors import PoseError
 from radartwin.io.one_line import plural
@@ -65,8 +66,6 @@ class Track:
         Raises:
             PoseError: a requested time is before the first or after the last pose of the track.
         """
-        from scipy.spatial.transform import Rotation, Slerp
-
         times = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
         slack = 1e-9 * max(1.0, abs(self.times_s[-1]))
         first, last = self.times_s[0], self.times_s[-1]
@@ -131,8 +130,6 @@ def from_quaternions(quaternions: np.ndarray, place: Callable[[int], str]) -> np
     Raises:
         PoseError: the length of a quaternion differs from 1 by more than UNIT_TOLERANCE.
     """
-    from scipy.spatial.transform import Rotation
-
     length = np.asarray(np.linalg.norm(quaternions, axis=1))
     if (wrong := ~(np.abs(length - 1) < UNIT_TOLERANCE)).any():
         at = int(wrong.argmax())
