@@ -14,7 +14,6 @@ Symbols: delta_i -> correction of view i in world coordinates: a rotation vector
 from __future__ import annotations
 
 import dataclasses
-import warnings
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -91,12 +90,7 @@ def disagreement(views: Sequence[View], pose_sets: Iterable[np.ndarray]) -> list
     samples, found = [_samples(view) for view in views], []
     for poses in pose_sets:
         pairs = _pairs(poses, views, samples)
-        apart = float("nan")
-        if len(pairs):
-            with warnings.catch_warnings():
-                # views of opposite sides of a surface have no residuals, so the median of the residuals is NaN
-                warnings.simplefilter("ignore", RuntimeWarning)
-                apart = _normal_equations(poses, views, samples, pairs, np.zeros(3), SCALES_M[0])[1]
+        apart = _normal_equations(poses, views, samples, pairs, np.zeros(3), SCALES_M[0])[1]
         found.append((len(pairs) if np.isfinite(apart) else 0, apart))
     return found
 
@@ -170,7 +164,8 @@ def _normal_equations(
             residuals[k] = _accumulate(worlds[i], poses[j], views[j].depth, views[j].lens, centre, scale_m, blocks[k])
 
     shared_out(accumulate, len(pairs))
-    return blocks, float(np.nanmedian(residuals))
+    known = residuals[np.isfinite(residuals)]  # views of opposite sides of a surface have no residuals
+    return blocks, float(np.median(known)) if len(known) else float("nan")
 
 
 def _assembled(

@@ -29,56 +29,52 @@ def overlay(scene: Scene, poses: np.ndarray | None) -> dict[str, Any]:
         radar: position and boresight of the radar in the first frame, as a dictionary {position, boresight}; None without a track.
         frame: (2, 3) lowest and highest corner of the box around scene and grid, metres.
     """
-    frame, lines, labels = _grid(*scene.bounds)
+    lines: list[dict[str, Any]] = []
+    labels: list[dict[str, Any]] = []
+
+    def line(start: Any, end: Any, colour: RGB, width: float) -> None:
+        lines.append({"from": np.round(start, 4).tolist(), "to": np.round(end, 4).tolist(), "colour": colour, "width": width})
+
+    def label(text: str, at: Any, colour: RGB) -> None:
+        labels.append({"text": text, "at": [float(x) for x in at], "colour": colour})
+
+    # a grid of 1 m, or 0.1 m for small scenes, just below the floor, with the axes at its corner of smallest x and y
+    low, high = scene.bounds
+    step = 1.0 if np.ptp([low, high], axis=0)[:2].max() > 1.5 else 0.1
+    (x0, y0), (x1, y1) = np.floor(low[:2] / step + 1e-6) * step, np.ceil(high[:2] / step - 1e-6) * step
+    z = float(low[2]) - 0.01 * step
+    for x in np.arange(x0, x1 + step / 2, step):
+        line([x, y0, z], [x, y1, z], GRID_RGB, 1.0)
+    for y in np.arange(y0, y1 + step / 2, step):
+        line([x0, y, z], [x1, y, z], GRID_RGB, 1.0)
+    corner = np.array([x0, y0, z])
+    label(f"grid {step:g} m", [x1, y0, z], (92, 106, 121))
+    for name, direction, colour in zip("xyz", np.eye(3), AXES_RGB, strict=True):
+        line(corner, corner + step * direction, colour, 3.0)
+        label(name, corner + 1.15 * step * direction, colour)
     for surface in scene:
         if surface.provenance.get("layout"):
-            low, high = surface.mesh.bounds
-            labels.append(_label(surface.name, [*((low + high) / 2)[:2], high[2] + 0.06], LABEL_RGB))
+            bottom, top = surface.mesh.bounds
+            label(surface.name, [*((bottom + top) / 2)[:2], top[2] + 0.06], LABEL_RGB)
+
     radar = None
-    if poses is not None:
-        track_lines, track_labels = _track(poses)
-        lines, labels = lines + track_lines, labels + track_labels
-        radar = {"position": poses[0, :3, 3].tolist(), "boresight": poses[0, :3, 0].tolist()}
+    if poses is not None:  # the track, its boresight directions, and the field of view in the first frame
+        positions, first = poses[:, :3, 3], poses[0, :3, :3]
+        radar = {"position": positions[0].tolist(), "boresight": first[:, 0].tolist()}
+        for a, b in pairwise(positions):
+            if not np.array_equal(a, b):
+                line(a, b, TRACK_RGB, 3.0)
+        for k in np.unique(np.linspace(0, len(poses) - 1, min(len(poses), MAX_TICKS)).astype(int))[1:]:
+            line(positions[k], positions[k] + 0.12 * poses[k, :3, 0], BORESIGHT_RGB, 2.0)
+        line(positions[0], positions[0] + BORESIGHT_M * first[:, 0], TRACK_RGB, 5.0)
+        across, up = np.tan(FIELD_RAD) * PYRAMID_M
+        corners = [first @ [PYRAMID_M, u * across, v * up] + positions[0] for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        for k, edge in enumerate(corners):
+            line(positions[0], edge, TRACK_RGB, 2.0)
+            line(edge, corners[(k + 1) % 4], TRACK_RGB, 2.0)
+        label("radar", positions[0] + [0, 0, 0.1], TRACK_RGB)
+        length = float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
+        if length > 0.05:
+            label(f"end, after {length:.2f} m", positions[-1] + [0, 0, 0.1], TRACK_RGB)
+    frame = [[float(x0), float(y0), float(low[2])], [float(x1), float(y1), float(high[2])]]
     return {"frame": frame, "lines": lines, "labels": labels, "radar": radar}
-
-
-def _line(start: Any, end: Any, colour: RGB, width: float) -> dict[str, Any]:
-    return {"from": np.round(start, 4).tolist(), "to": np.round(end, 4).tolist(), "colour": colour, "width": width}
-
-
-def _label(text: str, at: Any, colour: RGB) -> dict[str, Any]:
-    return {"text": text, "at": [float(x) for x in at], "colour": colour}
-
-
-def _grid(low: np.ndarray, high: np.ndarray) -> tuple[list[list[float]], list[dict[str, Any]], list[dict[str, Any]]]:
-    """Return the box, lines and labels of a grid of 1 m, or 0.1 m for small scenes, just below the floor, with the axes at its corner."""
-    step = 1.0 if np.ptp([low, high], axis=0)[:2].max() > 1.5 else 0.1
-    first, last = np.floor(low[:2] / step + 1e-6) * step, np.ceil(high[:2] / step - 1e-6) * step
-    z = float(low[2]) - 0.01 * step
-    across, along = (np.arange(first[k], last[k] + step / 2, step) for k in (0, 1))
-    lines = [_line([x, first[1], z], [x, last[1], z], GRID_RGB, 1.0) for x in across]
-    lines += [_line([first[0], y, z], [last[0], y, z], GRID_RGB, 1.0) for y in along]
-    labels = [_label(f"grid {step:g} m", [last[0], first[1], z], (92, 106, 121))]
-    corner = np.array([first[0], first[1], z])
-    for name, direction, colour in zip("xyz", np.eye(3), AXES_RGB, strict=True):
-        lines.append(_line(corner, corner + step * direction, colour, 3.0))
-        labels.append(_label(name, corner + 1.15 * step * direction, colour))
-    return [[float(first[0]), float(first[1]), float(low[2])], [float(last[0]), float(last[1]), float(high[2])]], lines, labels
-
-
-def _track(poses: np.ndarray) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Return the lines and labels of the radar's track, its boresight along the track, and its field of view in the first frame."""
-    positions = poses[:, :3, 3]
-    lines = [_line(a, b, TRACK_RGB, 3.0) for a, b in pairwise(positions) if not np.array_equal(a, b)]
-    for k in np.unique(np.linspace(0, len(poses) - 1, min(len(poses), MAX_TICKS)).astype(int))[1:]:
-        lines.append(_line(positions[k], positions[k] + 0.12 * poses[k, :3, 0], BORESIGHT_RGB, 2.0))
-    lines.append(_line(positions[0], positions[0] + BORESIGHT_M * poses[0, :3, 0], TRACK_RGB, 5.0))
-    across, up = np.tan(FIELD_RAD) * PYRAMID_M
-    corners = [poses[0, :3, :3] @ [PYRAMID_M, u * across, v * up] + positions[0] for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-    for k, corner in enumerate(corners):
-        lines += [_line(positions[0], corner, TRACK_RGB, 2.0), _line(corner, corners[(k + 1) % 4], TRACK_RGB, 2.0)]
-    labels = [_label("radar", positions[0] + [0, 0, 0.1], TRACK_RGB)]
-    length = float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
-    if length > 0.05:
-        labels.append(_label(f"end, after {length:.2f} m", positions[-1] + [0, 0, 0.1], TRACK_RGB))
-    return lines, labels
