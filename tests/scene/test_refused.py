@@ -114,6 +114,7 @@ START = trajectory.look_at([0.5, 1, 0.4], [9, 1, 0.4])
 PATH = trajectory.depth_sweep(START, 1.2)
 CRATE = Scene([Surface(objects.box([1, 0.5, 0], [1.5, 1.5, 1]), "wood", "crate")])
 WALLS = Scene([Surface(wall(5.0), "concrete", "back"), Surface(wall(1.43), "concrete", "front")])
+COUNTS: Any = (0, -1, 1.5)
 DOOR = [{"relation": "in front of", "anchor": "door", "distance_m": 2.0}]
 
 ROWS: list[Row] = [
@@ -168,7 +169,7 @@ ROWS: list[Row] = [
     (PoseError, "finite", page(poses=np.full((2, 4, 4), np.nan))),
     (OutputError, "does not end with .html; give the page a name such as page.html", page(path=Path("page.json"))),
     (PoseError, "look_at: position and target are both", lambda _: trajectory.look_at([1, 1, 1], [1, 1, 1])),
-    *((PoseError, f"{frames} frames", lambda _, frames=frames: trajectory.static(np.eye(4), frames)) for frames in (0, -1, 1.5)),
+    *((PoseError, f"{count} frames", lambda _, count=count: trajectory.static(np.eye(4), count)) for count in COUNTS),
     (PoseError, "holds 11 frames at 10 Hz, not 12", lambda _: parse_track(TUM, "run", csv=False).frames(10.0, 12)),
     (PoseError, "covers 0 to 1 s", lambda _: parse_track(TUM, "run", csv=False).at([-0.1])),
     (PoseError, "optical", lambda _: parse_track(TUM, "run", csv=False).from_axes("camera")),  # type: ignore[arg-type]

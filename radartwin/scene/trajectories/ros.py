@@ -42,7 +42,7 @@ def read_bag(path: str | Path, topic: str | None = None, frame: str | None = Non
             kinds = {c.topic: c.msgtype for c in reader.connections}
             topic = _choose_topic(topic, kinds, path)
             connections = [c for c in reader.connections if c.topic == topic or (kinds[topic] == TF and c.msgtype == TF)]
-            messages = [reader.deserialize(data, c.msgtype) for c, _, data in reader.messages(connections)]
+            messages: list[Any] = [reader.deserialize(data, c.msgtype) for c, _, data in reader.messages(connections)]
     except PoseError:
         raise
     except (AnyReaderError, OSError, ValueError, KeyError) as error:
