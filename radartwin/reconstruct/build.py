@@ -120,7 +120,10 @@ def reconstruct(
     with progress.task("segmenting", 1) as advance:
         segments = segmented(scan.mesh)
         advance()
-    cameras = None if scan.frames is None else _cameras(scan.frames)
+    cameras = None
+    if scan.frames is not None:
+        first = scan.frames[0]  # all frames of a scan have the same intrinsics and picture size
+        cameras = Cameras(scan.frames.poses, first.intrinsics, first.depth_m.shape[::-1])
     flat = flattened(scan.mesh, segments, cameras, lambda planes: progress.over(planes, "outlining planes"))
     surfaces, surface_of_face, statistics = assembled(scan.mesh, flat, material)
     for line in _changes(statistics):
@@ -190,7 +193,7 @@ def _from_frames(path: Path, options: ScanOptions, progress: Progress) -> Scan:
         model = DepthModel.load(options.depth_model)
         frames, scale = with_depth(frames, model), model.scale
     with progress.task(f"fusing {plural(len(frames), 'frame')}") as advance:
-        mesh, report = fuse(frames, scale=scale, progress=lambda _, __: advance())
+        mesh, report = fuse(frames, scale=scale, done=advance)
     if options.depth_unit_m is None:
         check_size(report.extents_m, str(path), "--depth-unit", {})
     if len(report.poses) != len(frames):  # fusion used only every n-th frame
@@ -204,25 +207,14 @@ def _centred(frames: Frames) -> tuple[Frames, np.ndarray]:
     return frames.with_poses(frames.poses - np.pad(offset[:, None], ((0, 1), (3, 0)))), offset
 
 
-def _cameras(frames: Frames) -> Cameras:
-    """Return the cameras of the depth pictures. All frames of a scan have the same intrinsics and picture size."""
-    first = frames[0]
-    height, width = first.depth_m.shape
-    return Cameras(frames.poses, first.intrinsics, (width, height))
-
-
 def _save(scene: Scene, folder: Path, scan: Scan, surface_of_face: np.ndarray, progress: Progress) -> None:
-    """Write the scene, the scan's mesh and the photographs. `surface_of_face` (F,) is the surface index of each face of the scan's mesh.
-
-    The function removes the old manifest first and writes the new manifest last, so that an interrupted write leaves a folder without
-    manifest, which `Scene.load` rejects.
-    """
+    """Write the scene, the scan's mesh, the surface index (F,) of each of its faces, and the photographs."""
     files.make_folder(folder)
     files.sweep(folder)
     mesh = bytes(export_ply(scan.mesh, encoding="binary", vertex_normal=False))
     stream = io.BytesIO()
     np.save(stream, surface_of_face)
-    try:
+    try:  # the manifest is removed first and written last: an interrupted write leaves a folder without it, which `Scene.load` rejects
         (folder / MANIFEST).unlink(missing_ok=True)
         (folder / INDEX).unlink(missing_ok=True)
     except OSError as error:

@@ -200,9 +200,7 @@ def check_size(extents_m: Sequence[float], source: str, option: str, units_m: Ma
 
 
 def _up_axis(mesh: trimesh.Trimesh, path: Path) -> tuple[str, str]:
-    """Return the up axis, which is the axis with the largest area of faces perpendicular to it, and a text that states how it was
-    determined.
-    """
+    """Return the axis with the largest area of faces perpendicular to it, and a text that states how it was determined."""
     facing = np.abs(mesh.face_normals) > np.cos(np.radians(20))
     area = (np.asarray(mesh.area_faces)[:, None] * facing).sum(axis=0)
     order = np.argsort(area)

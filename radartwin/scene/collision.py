@@ -139,12 +139,7 @@ def _edge_crossings(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _crossings(starts: np.ndarray, ends: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Find the crossings of line segments with triangles.
-
-    Returns:
-        segment: (N,) index of the segment of each crossing, ascending.
-        fraction: (N,) position of the crossing on its segment, from 0 (start) to 1 (end).
-    """
+    """Return the ascending segment indices (N,) of crossings of segments with triangles, and their places (N,): 0 at start, 1 at end."""
     from radartwin.scene.pairs import crossing  # compiled, so imported only where needed
 
     capacity = 4096

@@ -29,6 +29,7 @@ from urllib.parse import unquote
 import numpy as np
 import trimesh
 from mapbox_earcut import triangulate_float64
+from PIL import Image
 from trimesh.exchange import ply
 from trimesh.resolvers import FilePathResolver
 from trimesh.visual import ColorVisuals
@@ -178,9 +179,7 @@ def triangulated(points: np.ndarray, indices: np.ndarray, sizes: np.ndarray) -> 
 
 
 def _ears(ring: np.ndarray) -> np.ndarray:
-    """Cut the ears off a counter-clockwise polygon (N, 2). Return triangles (T, 3) that use every corner, also those in straight lines,
-    because the faces beside may end there.
-    """
+    """Cut a counter-clockwise polygon (N, 2) into triangles (T, 3) that use every corner, also in straight lines, where faces may end."""
     count = len(ring)
     triangles = triangulate_float64(ring, np.array([count], np.uint32)).reshape(-1, 3).astype(np.int64)
     (x, y), (u, v) = ((ring[triangles[:, k]] - ring[triangles[:, 0]]).T for k in (1, 2))
@@ -278,8 +277,6 @@ def _plain_obj(text: str, left_out: list[str]) -> str:
 
 def _load_ply(stream: io.BytesIO, resolver: _Beside, left_out: list[str]) -> trimesh.Scene:
     """Parse a .ply whose polygons may have any number of corners."""
-    from PIL import Image
-
     elements, is_text, picture = ply._parse_header(stream)
     (ply._ply_ascii if is_text else _fill_binary_ply)(elements, stream)
     others = {name: elements.pop(name)["length"] for name in [*elements] if name not in ("vertex", "face")}
@@ -437,11 +434,8 @@ def _check_sizes(document: dict[str, Any], length: int) -> None:
 
 def _check_pictures(materials: Iterable[Any], path: Path) -> None:
     """Raise an error for textures with more than MAX_PIXELS pixels. The check reads only the headers of the pictures."""
-    from PIL.Image import Image
-
-    pictures: dict[int, Any] = {}
-    for material in materials:
-        pictures |= {id(picture): picture for name in PICTURES if isinstance(picture := getattr(material, name, None), Image)}
+    found = (getattr(material, name, None) for material in materials for name in PICTURES)
+    pictures = {id(picture): picture for picture in found if isinstance(picture, Image.Image)}
     pixels = sum(picture.width * picture.height for picture in pictures.values())
     if pixels > MAX_PIXELS:
         raise MeshError(f"{path} has textures of {pixels:,} pixels, over the limit of {MAX_PIXELS:,}; export it with smaller ones")
@@ -450,10 +444,5 @@ def _check_pictures(materials: Iterable[Any], path: Path) -> None:
 def _use_plain_colour_without_picture(mesh: trimesh.Trimesh) -> None:
     """Replace a texture without a picture by vertex colours, which all have the plain colour given in the mesh file."""
     visual: Any = mesh.visual
-    if visual.kind != "texture":
-        return
-    from PIL.Image import Image
-
-    material = visual.material
-    if not any(isinstance(getattr(material, name, None), Image) for name in ("baseColorTexture", "image")):
-        mesh.visual = ColorVisuals(mesh, vertex_colors=np.tile(material.main_color, (len(mesh.vertices), 1)))
+    if visual.kind == "texture" and not any(isinstance(getattr(visual.material, name, None), Image.Image) for name in PICTURES[:2]):
+        mesh.visual = ColorVisuals(mesh, vertex_colors=np.tile(visual.material.main_color, (len(mesh.vertices), 1)))

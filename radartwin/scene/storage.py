@@ -158,13 +158,11 @@ def _read_folder(folder: Path) -> tuple[list[Surface], dict[str, Any]]:
 def _manifest(path: Path) -> dict[str, Any]:
     try:
         manifest = untrusted_json.read(path)
-        entries = manifest["surfaces"]
-        if manifest["format"] != FORMAT or manifest["version"] != VERSION:
-            raise KeyError("format")
-        if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
-            raise TypeError("surfaces")
+        holders = (manifest, *manifest["surfaces"])
         np.reshape(np.array(manifest.get("provenance", {}).get("offset_m", [0, 0, 0]), np.float64), 3)
-        if not all(isinstance(holder.get("provenance", {}), dict) for holder in (manifest, *entries)):
+        if (manifest["format"], manifest["version"]) != (FORMAT, VERSION) or not isinstance(manifest["surfaces"], list):
+            raise ValueError("format")
+        if not all(isinstance(holder, dict) and isinstance(holder.get("provenance", {}), dict) for holder in holders):
             raise TypeError("provenance")
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise SceneError(f"{path} is not a {FORMAT} version {VERSION} manifest; save the scene again") from error
@@ -183,7 +181,7 @@ def _read_plain(path: Path, material: str | Layered | None) -> tuple[list[Surfac
             "(in Python, Scene.load takes the material of all surfaces)"
         )
     offset = offset_m(np.concatenate([mesh.bounds for mesh in meshes.values()]))
-    if not offset.any():
-        return [Surface(mesh, material, name) for name, mesh in meshes.items()], {"source": path.name}
-    moved = [Surface(mesh.copy().apply_translation(-offset), material, name) for name, mesh in meshes.items()]
-    return moved, {"source": path.name, "offset_m": offset.tolist()}
+    if offset.any():
+        meshes = {name: mesh.copy().apply_translation(-offset) for name, mesh in meshes.items()}
+    surfaces = [Surface(mesh, material, name) for name, mesh in meshes.items()]
+    return surfaces, {"source": path.name} | ({"offset_m": offset.tolist()} if offset.any() else {})

@@ -9,17 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
+from PIL import Image
 from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
 from radartwin.errors import SceneError
 from radartwin.scene import patterns
-
-if TYPE_CHECKING:
-    from trimesh.visual.material import PBRMaterial
 
 PIXEL_M = 0.004  # default size of a bitmap pixel in metres; a pixel of a phone's camera covers 3 mm at 4 m
 
@@ -33,7 +32,7 @@ class Look(NamedTuple):
         width_m, height_m: size of the bitmap in metres, which is the period of the pattern.
         metallic: metallic factor (0 to 1) of the material when the mesh is rendered.
         pixel_m: size of a bitmap pixel in metres.
-        fits: whether the bitmap is stretched over a side of an object, as for screens and posters.
+        fits: whether the bitmap is stretched over each side of an object instead of repeated, as for screens and posters.
         wraps: whether the bitmap is the paper label of a can, which is stretched over the can's height and repeated around the can's axis;
             the ends of the can have the colours of the bitmap's bottom row.
     """
@@ -103,20 +102,15 @@ def bitmap(name: str, seed: int = 0) -> np.ndarray:
     return out
 
 
-def textured(mesh: trimesh.Trimesh, name: str, seed: int = 0, fit: bool = False) -> trimesh.Trimesh:
-    """Return a copy of a mesh with the texture `name`.
+def textured(mesh: trimesh.Trimesh, name: str, seed: int = 0) -> trimesh.Trimesh:
+    """Return a copy of a mesh with the texture `name`; an unknown name raises SceneError.
 
     Vertices are duplicated only where their faces are projected onto different sides of a box. Faces keep their order and winding.
-
-    Args:
-        fit: whether the texture's bitmap is stretched over each side of the mesh instead of repeated, as for screens and posters.
-    Raises:
-        SceneError: there is no texture with this name.
     """
     look = _look(name)
     if look.wraps:
         return _with_label(mesh, _material(name, seed), look.width_m)
-    return _box_projected(mesh, _material(name, seed), (look.width_m, look.height_m), fit)
+    return _box_projected(mesh, _material(name, seed), (look.width_m, look.height_m), look.fits)
 
 
 def _look(name: str) -> Look:
@@ -156,9 +150,7 @@ def _box_projected(mesh: trimesh.Trimesh, material: PBRMaterial, size_m: tuple[f
     flat = np.take_along_axis(points, plane, axis=1)
     if fit:
         low, high = np.asarray(mesh.bounds)
-        corner = np.take_along_axis(np.broadcast_to(low, points.shape), plane, axis=1)
-        extent = np.take_along_axis(np.broadcast_to(high - low, points.shape), plane, axis=1)
-        uv = (flat - corner) / np.maximum(extent, 1e-9)
+        uv = (flat - low[plane]) / np.maximum((high - low)[plane], 1e-9)
         # Seen from outside, text in the picture must read from left to right.
         outward = np.take_along_axis(normals[vertex], side[:, None], axis=1)[:, 0]
         mirrored = np.where(side == 1, outward > 0, outward < 0)
@@ -172,10 +164,7 @@ def _box_projected(mesh: trimesh.Trimesh, material: PBRMaterial, size_m: tuple[f
 
 
 def _with_label(mesh: trimesh.Trimesh, material: PBRMaterial, width_m: float) -> trimesh.Trimesh:
-    """Put a paper label around a body of revolution about z.
-
-    Vertices are duplicated along the label's seam and at the rims of both ends.
-    """
+    """Put a paper label around a body of revolution about z. Vertices are doubled along the label's seam and at the rims of both ends."""
     faces, vertices, normals = np.asarray(mesh.faces), np.asarray(mesh.vertices), np.asarray(mesh.vertex_normals)
     low, high = np.asarray(mesh.bounds)
     repeats = max(1, round(np.pi * float((high - low)[:2].max()) / width_m))
@@ -207,7 +196,4 @@ def _material(name: str, seed: int) -> PBRMaterial:
 
 
 def _pbr(image: np.ndarray, metallic: float) -> PBRMaterial:
-    from PIL import Image
-    from trimesh.visual.material import PBRMaterial
-
     return PBRMaterial(baseColorTexture=Image.fromarray(image), metallicFactor=metallic, roughnessFactor=0.4 if metallic else 0.9)

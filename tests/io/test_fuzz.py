@@ -31,8 +31,8 @@ from radartwin.radar.studio_log import read_log
 from radartwin.recognize.model import Recogniser
 from radartwin.recognize.own.object_list import read_objects
 from radartwin.reconstruct.frames.folder import load_own
-from radartwin.reconstruct.frames.formats import load_arkit, load_pose_file, load_tum
 from radartwin.reconstruct.frames.frames import Frames
+from radartwin.reconstruct.frames.layouts import load_frames
 from radartwin.reconstruct.scan_file import load_scan
 from radartwin.recordings.checks import examine
 from radartwin.recordings.mapping import read_mapping
@@ -113,17 +113,15 @@ OTHERS = [
     Case(folders.recording_set, "recordings/a.json", "json", _read_set),
     Case(folders.frames, "frames.json", "json", lambda folder: _read_frames(load_own(folder, False))),
     Case(folders.frames, "depth/0.png", "bytes", lambda folder: _read_frames(load_own(folder, False))),
-    Case(folders.arkit, "frame_0.json", "json", lambda folder: _read_frames(load_arkit(folder, 0.001, "z", False))),
-    Case(folders.pose_file, "pose.txt", "words", lambda folder: _read_frames(load_pose_file(folder, None, 0.001, "z", False, "opencv"))),
-    Case(
-        folders.pose_file, "intrinsics.json", "json", lambda folder: _read_frames(load_pose_file(folder, None, 0.001, "z", False, "opencv"))
-    ),
-    Case(folders.tum, "depth.txt", "words", lambda folder: _read_frames(load_tum(folder, (500, 500, 32, 24), 0.001, "z", False, "opencv"))),
+    Case(folders.arkit, "frame_0.json", "json", lambda folder: _read_frames(load_frames(folder, up="z"))),
+    Case(folders.pose_file, "pose.txt", "words", lambda folder: _read_frames(load_frames(folder, up="z"))),
+    Case(folders.pose_file, "intrinsics.json", "json", lambda folder: _read_frames(load_frames(folder, up="z"))),
+    Case(folders.tum, "depth.txt", "words", lambda folder: _read_frames(load_frames(folder, (500, 500, 32, 24), 0.001, "z"))),
     Case(
         folders.tum,
         "groundtruth.txt",
         "words",
-        lambda folder: _read_frames(load_tum(folder, (500, 500, 32, 24), 0.001, "z", False, "opencv")),
+        lambda folder: _read_frames(load_frames(folder, (500, 500, 32, 24), 0.001, "z")),
     ),
     Case(folders.model, "model.json", "json", Recogniser.load),
     Case(folders.model, "model.safetensors", "bytes", Recogniser.load),

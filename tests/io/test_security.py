@@ -29,7 +29,7 @@ from radartwin.radar.captures import load_capture
 from radartwin.radar.chirp import Radar
 from radartwin.recognize.model import Recogniser
 from radartwin.reconstruct.frames.folder import load_own
-from radartwin.reconstruct.frames.formats import load_tum
+from radartwin.reconstruct.frames.layouts import load_frames
 from radartwin.runs.experiment import read
 from radartwin.scene import rooms
 from radartwin.scene.mesh_file import MeshWarning, read_meshes
@@ -170,7 +170,7 @@ def tum_folder(folder: Path, name: str) -> None:
 INDICES: dict[str, tuple[Callable[[Path, str], object], Callable[[Path], object]]] = {
     "photos.json": (lambda folder, name: (folder / "photos.json").write_text(photo_index(name)), load_photos),
     "frames.json": (frame_index, lambda folder: load_own(folder, False)),
-    "depth.txt": (tum_folder, lambda folder: load_tum(folder, (500, 500, 320, 240), 0.0002, "z", False, "opencv")),
+    "depth.txt": (tum_folder, lambda folder: load_frames(folder, (500, 500, 320, 240), up="z")),
 }
 
 

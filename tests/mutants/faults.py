@@ -319,12 +319,12 @@ harmonic_ratio | harmonics(envelope, high)[low - 1 :] ** 2 | harmonics(envelope,
 crest_factor | np.sqrt(np.mean(envelope**2)) | np.mean(envelope**2) | the crest factor divides by a power
 without_range_law | 4 | 2 | the range law covers one direction only
 
-scene/mesh_file: reconstruct/test_field_scans
+scene/mesh_file: reconstruct/test_scan_mesh
 triangulated | (sine > FLAT).all(axis=1) | (sine < 2).all(axis=1) | the missing corner of a concave floor is filled
 _numbers | values / np.iinfo(kind).max | values | quantised coordinates are not normalised
 offset_m | np.rint(centre) | 0 * centre | survey coordinates are stored in single precision
 
-scene/scene: reconstruct/test_field_scans
+scene/scene: reconstruct/test_scan_mesh
 Scene.placed | here[..., :3, 3] - offset | here[..., :3, 3] + offset | a track moves away from the room
 
 features/doppler: features/test_features

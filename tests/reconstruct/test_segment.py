@@ -1,16 +1,22 @@
-"""Segment meshes of rooms with known surfaces, and check recall, precision and plane positions. The reference surfaces are boxes and do not
-come from the segmenter.
-"""
+"""Segmentation: recall, precision and planes of known surfaces, coplanar pieces, surfaces of other colour or offset, and objects."""
 
 import functools
+import itertools
 
 import numpy as np
 import pytest
 import trimesh
-from built_rooms import inner_sides, scan, sheet
+from built_rooms import BROWN, GREY, WHITE, H, L, W, X, Y, Z, block, coloured, inner_sides, saved, scan, sheet, shell, with_door
 
+from radartwin.reconstruct.build import reconstruct
 from radartwin.reconstruct.outlines.assembly import segment_names
-from radartwin.reconstruct.segmentation.segment import segmented
+from radartwin.reconstruct.outlines.surfaces import flattened
+from radartwin.reconstruct.segmentation import coplanar
+from radartwin.reconstruct.segmentation.bodies import with_bodies
+from radartwin.reconstruct.segmentation.colour import face_colours
+from radartwin.reconstruct.segmentation.faces import Faces, Segment, members
+from radartwin.reconstruct.segmentation.growing import grow
+from radartwin.reconstruct.segmentation.segment import plane_segment, segmented
 
 EDGE_M = 0.08  # phone LiDAR meshes have edges of 5 to 10 cm
 SIZE = (6.0, 5.0, 2.8)
@@ -22,9 +28,7 @@ def outer_sides(low, size):
 
 @functools.cache
 def room(noise_m):
-    """Return a room with a cabinet and a table-like block above the floor: the noisy mesh, the true surface of every face, and the found
-    segments.
-    """
+    """Return a room with a cabinet and a block above the floor: the noisy mesh, the true surface of every face, and the segments."""
     pieces = [sheet(*side, edge_m=EDGE_M) for side in inner_sides(SIZE)]
     pieces += outer_sides((5.0, 1.0, 0.3), (0.6, 1.2, 1.6)) + outer_sides((2.5, 3.0, 0.4), (1.6, 0.9, 0.35))
     mesh = scan(pieces, noise_m)
@@ -96,3 +100,147 @@ def test_surfaces_are_named_by_geometry():
         assert plane[2] * normal > 0.99
     walls = [s.area_m2 for name, s in named.items() if name.startswith("wall_") and s.area_m2 > 10]
     assert sorted(round(a) for a in walls) == [14, 14, 17, 17]
+
+
+def test_divided_wall_is_one_surface_and_two_tables_are_two():
+    strips = [sheet([0, 0, 0], X, Z, (1.2, H)), sheet([2.4, 0, 0], X, Z, (1.6, H))]  # a gap from floor to ceiling
+    tables = [sheet([x, 1.0, 0.75], X, Y, (0.8, 0.6)) for x in (0.5, 2.5)]
+    mesh = scan([sheet([0, 0, 0], X, Y, (L, W)), *strips, *tables], 0.003)
+    areas = sorted(round(s.area_m2, 1) for s in segmented(mesh) if s.normal is not None)
+    assert areas == [0.5, 0.5, pytest.approx(6.72, abs=0.15), pytest.approx(20, abs=0.2)]
+
+
+def test_pieces_with_points_behind_their_gap_are_not_joined():
+    strips = [sheet([0, 0, 0], X, Z, (1.2, H)), sheet([2.4, 0, 0], X, Z, (1.6, H))]
+    alcove = sheet([1.2, 0.6, 0], X, Z, (1.2, H))  # behind the strips, which face -y
+    for pieces, count in (([*strips, alcove], 3), (strips, 1)):
+        faces = Faces.of(scan(pieces, 0.002), 0.08)
+        assert len(members(coplanar.merge(faces, grow(faces, 25.0, 0.04, 0.06)))) == count
+
+
+def test_door_in_the_plane_of_its_wall_is_separated_by_colour(tmp_path):
+    mesh = coloured(scan(shell(), 0.004), with_door)
+    door = [s for s in segmented(mesh) if 1.0 < s.area_m2 < 3.0]
+    assert [s.area_m2 for s in door] == [pytest.approx(1.8, rel=0.1)]
+    assert len(segmented(trimesh.Trimesh(mesh.vertices, mesh.faces, process=False))) == 6
+    walls = [s for s in reconstruct(saved(mesh, tmp_path)) if s.mesh.bounds[0, 0] > L - 0.05]
+    assert sum(float(s.mesh.area) for s in walls) == pytest.approx(W * H, rel=0.01)  # neither gap nor overlap between them
+    leaf = min(walls, key=lambda s: s.mesh.area)
+    assert leaf.mesh.area == pytest.approx(1.8, rel=0.05)
+    assert len(leaf.mesh.faces) <= 6
+
+
+def test_reflection_in_a_panel_is_not_separated_and_a_patch_on_the_wall_is():
+    def seen(step_on_wall):
+        def rule(v):  # a grey panel with a brighter upper half in the brown wall x = 5, and a patch of another brown beside it
+            u = W - v[1]
+            if v[0] < L - 0.05:
+                return WHITE
+            if 0.5 < u < 1.6 and v[2] < 2.0:
+                return (175, 175, 180) if v[2] > 1.3 else (130, 130, 135)
+            return (165, 112, 72) if step_on_wall and 2.4 < u < 3.4 and 0.5 < v[2] < 1.5 else BROWN
+
+        found = segmented(coloured(scan(shell(), 0.003), rule))
+        return sorted(round(s.area_m2, 1) for s in found if s.area_m2 < 3)
+
+    assert seen(False) == [pytest.approx(2.2, abs=0.15)]
+    assert seen(True) == [pytest.approx(1.0, abs=0.15), pytest.approx(2.2, abs=0.15)]
+
+
+def test_two_panels_joined_by_bleeding_colour_are_two():
+    def rule(v):
+        u = W - v[1]
+        panel = (0.5 < u < 1.4 or 2.0 < u < 2.9) and v[2] < 2.0
+        return GREY if v[0] > L - 0.05 and (panel or (0.5 < u < 2.9 and v[2] < 0.03)) else BROWN if v[0] > L - 0.05 else WHITE
+
+    found = segmented(coloured(scan(shell(), 0.003), rule))
+    assert [s.area_m2 for s in found if s.area_m2 < 3] == [pytest.approx(1.8, rel=0.1)] * 2
+
+
+def test_light_and_painted_lines_separate_nothing():
+    def lit(v):
+        spot = 90 * np.exp(-((v[0] - 2) ** 2 + (v[1] - 1.5) ** 2) / 0.5)
+        line = 80 if abs(v[2] - 1.2) < 0.03 else 0
+        return np.array([150 + spot, 150 + spot - line, 150 + spot - line])
+
+    assert len(segmented(coloured(scan(shell(), 0.003), lit))) == 6
+
+
+def test_sides_of_one_colour_are_one_body_and_of_two_colours_two():
+    room = shell()
+    box = block((0.6, 0.6, 0.6), [2, 1.5, 0.3])
+    mesh = scan([*room, box], 0.002)
+
+    def one(v):
+        return WHITE if v[2] > 0.7 or np.abs(v[:2] - [2, 1.5]).max() > 0.32 or v[2] < 0.01 else BROWN
+
+    def two(v):
+        return GREY if 0.58 < v[2] < 0.62 and np.abs(v[:2] - [2, 1.5]).max() < 0.28 else one(v)
+
+    def seen(rule):  # not the box's underside, which touches nothing else
+        return [s for s in segmented(coloured(mesh, rule)) if s.area_m2 < 0.6 and s.normal is not None and s.normal[2] > -0.5]
+
+    sides = seen(one)
+    assert len({s.body for s in sides}) == 1
+    assert len({s.body for s in seen(two)}) == 2
+
+
+RELIEF_CELL_M = 0.03
+PLASTER = (210, 205, 200)
+BOARD = (1.2, 0.9, 1.8, 1.8)  # left, bottom, right, top
+
+
+def relief(proud_m):
+    """Return a wall of 3 x 2.5 m that faces +x, with depth noise of 3 mm and a blue board that stands out from the wall by `proud_m`."""
+    wall = sheet([0, 0, 0], Y, Z, (3.0, 2.5), edge_m=RELIEF_CELL_M)
+    _, y, z = wall.vertices.T
+    inside = (y > BOARD[0]) & (y < BOARD[2]) & (z > BOARD[1]) & (z < BOARD[3])
+    x = np.where(inside, proud_m, 0.0) + 0.003 * np.random.default_rng(0).standard_normal(y.shape)
+    colours = np.where(inside[:, None], (40, 60, 160), PLASTER).astype(np.uint8)
+    return trimesh.Trimesh(wall.vertices + np.outer(x, X), wall.faces, vertex_colors=colours, process=False)
+
+
+@pytest.mark.parametrize(("proud_m", "kept_m"), [(0.0, 0.0), (0.005, 0.0), (0.022, 0.022), (-0.02, -0.02)])
+def test_board_keeps_its_offset_and_a_flush_board_shares_the_wall_plane(proud_m, kept_m):
+    mesh = relief(proud_m)
+    segments = segmented(mesh)
+    assert len([s for s in segments if s.area_m2 > 0.3]) == 2
+    wall, board = sorted((f for f in flattened(mesh, segments).flats if f.segment >= 0), key=lambda f: -f.mesh.area)[:2]
+    assert np.asarray(wall.mesh.vertices)[:, 0] == pytest.approx(0.0, abs=0.002)
+    apart = np.median(board.mesh.vertices[:, 0]) - np.median(wall.mesh.vertices[:, 0])
+    assert apart == pytest.approx(kept_m, abs=0.004 if kept_m else 0.001)
+    low, high = board.mesh.bounds[:, 1:]
+    assert [*low, *high] == pytest.approx(BOARD, abs=2 * RELIEF_CELL_M)
+    # The wall has no second face behind the board.
+    assert wall.mesh.area + board.mesh.area == pytest.approx(7.5, rel=0.03)
+
+
+def painted_block(corner, size, colour):
+    box = trimesh.creation.box(bounds=np.array([corner, np.add(corner, size)]))
+    for _ in range(4):
+        box = box.subdivide()
+    box.visual.vertex_colors = np.tile([*colour, 255], (len(box.vertices), 1))  # type: ignore[union-attr]
+    return box
+
+
+def test_rubble_of_intermediate_colour_does_not_join_two_objects():
+    """A grey and a brown cabinet have rubble in the corner between them, and the rubble has a colour similar to both."""
+    grey, brown, between = (92, 90, 86), (97, 76, 61), (95, 83, 73)
+    corner = painted_block((0.61, 0.1, 0), (0.04, 0.3, 1.5), between)
+    parts = [painted_block((0, 0, 0), (0.6, 0.5, 1.6), grey), painted_block((0.66, 0, 0), (0.6, 0.5, 1.6), brown), corner]
+    mesh = trimesh.util.concatenate(parts)
+    assert isinstance(mesh, trimesh.Trimesh)
+    lab = face_colours(mesh)
+    assert lab is not None
+    faces = Faces.of(mesh, 0.0)
+    owner = np.repeat(np.arange(3), [len(p.faces) for p in parts])
+    sides = itertools.product((0, 1), range(3), (-1, 1))
+    segments = [
+        plane_segment(faces, np.flatnonzero((owner == number) & (mesh.face_normals[:, axis] * sign > 0.9))) for number, axis, sign in sides
+    ]
+    rubble = np.flatnonzero(owner == 2)
+    segments.append(Segment(rubble, float(faces.area[rubble].sum())))
+    middle = [lab[owner == k].mean(axis=0) for k in range(3)]
+    assert max(np.linalg.norm(middle[2] - middle[k]) for k in (0, 1)) < 7 < np.linalg.norm(middle[0] - middle[1]) < 14
+    numbers = [s.body for s in with_bodies(faces, segments, lab)]
+    assert not set(numbers[:6]) & set(numbers[6:12])

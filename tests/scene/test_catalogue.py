@@ -1,15 +1,16 @@
-"""Tests of the twelve catalogue objects (classes, sizes, contents and meshes), and of objects from mesh files."""
+"""Objects: the canonical shapes, the twelve catalogue objects (classes, sizes, contents and meshes), and objects from mesh files."""
 
 import numpy as np
 import pytest
 import trimesh
 
-from radartwin.errors import MeshError, SceneError
+from radartwin.config.compose import compose
+from radartwin.errors import ConfigError
 from radartwin.materials import Layered
 from radartwin.scene import objects
 from radartwin.scene.checks import welded
 from radartwin.scene.layouts.stock import from_mesh
-from radartwin.scene.mesh_file import MeshWarning
+from radartwin.scene.mesh_file import MeshWarning, read_meshes
 from radartwin.scene.objects import vessels
 from radartwin.simulation import geometry
 
@@ -69,9 +70,7 @@ def test_objects_are_closed_outward_and_smooth(name):
 
 @pytest.mark.parametrize("name", [n for n in NAMES if objects.entry(n).volume_ml])
 def test_inside_volume_matches_the_label(name):
-    """The inside volume of a food can up to its brim agrees with the printed volume within 4 %; the inside volume of all other vessels is 0
-    to 12 % larger.
-    """
+    """The inside of a food can up to its brim has the printed volume within 4 %; that of other vessels is 0 to 12 % larger."""
     entry = objects.entry(name)
     body = entry.surfaces()[0].mesh
     inside = (welded(body).volume - entry.wall_m * body.area) * 1e6
@@ -87,8 +86,13 @@ def test_no_bottle_is_a_body_of_revolution():
         assert radius.max() / radius.min() > 1.2
 
 
-def test_contents_are_the_backing_of_the_wall():
-    assert objects.make("mustard")[0].material == Layered([("hdpe", 0.0008)], backing="mustard")
+def test_contents_are_the_backing_of_the_wall_and_unknown_contents_leave_the_outermost_material():
+    known, unknown = (objects.entry("mustard").surfaces(contents=contents) for contents in ("filled", "unknown"))
+    assert known[0].material == Layered([("hdpe", 0.0008)], backing="mustard")
+    assert unknown[0].material == Layered([], backing="hdpe")
+    assert unknown[0].mesh.vertices.tobytes() == known[0].mesh.vertices.tobytes()
+    with pytest.raises(ConfigError, match="contents=full is not known; options: filled, unknown"):
+        compose(["contents=full"])
     assert objects.make("mug")[0].material == Layered([("glass", 0.004)], backing="air")
     assert objects.make("can_211_400")[0].material == "metal"
 
@@ -118,12 +122,16 @@ def test_a_mesh_from_a_file_gets_the_frame_of_the_catalogue(tmp_path):
     assert (tin.name, tin.kind) == ("tin", "object")
 
 
-def test_unknown_objects_and_invalid_sections_are_refused():
-    with pytest.raises(SceneError, match=r"no object .mugg.; choose .*mug"):
-        objects.make("mugg")
-    for sections in ([(0, 1, 1, 2)], [(0, 1, 1, 2), (0, 1, 1, 2)], [(0, 1, 1, 2), (1, -1, 1, 2)], [(0, 1, 1, 0.5), (1, 1, 1, 2)]):
-        with pytest.raises(MeshError):
-            vessels.oval(sections)
+@pytest.mark.parametrize("kind", ["stl", "stl_ascii"])
+def test_a_sphere_is_the_same_smooth_solid_from_stl_which_repeats_the_corners_of_every_triangle(kind, tmp_path):
+    sphere = objects.sphere(0.05)
+    sphere.export(tmp_path / "ball.stl", file_type=kind)
+    (mesh,) = read_meshes(tmp_path / "ball.stl").values()
+    assert (len(mesh.faces), mesh.is_watertight) == (len(sphere.faces), True)
+    assert mesh.volume == pytest.approx(sphere.volume, rel=1e-4)  # the file stores single precision or few digits
+    (surface,) = from_mesh(tmp_path / "ball.stl", "metal")
+    assert surface.is_curved()
+    np.testing.assert_allclose(surface.mesh.bounds, [[-0.05, -0.05, 0], [0.05, 0.05, 0.1]], atol=1e-4)
 
 
 def test_an_oval_of_equal_axes_is_a_cylinder():
@@ -131,3 +139,68 @@ def test_an_oval_of_equal_axes_is_a_cylinder():
     assert mesh.volume == pytest.approx(np.pi * 0.03**2 * 0.1, rel=2e-3)
     square = vessels.oval([(0, 0.03, 0.02, 40), (0.1, 0.03, 0.02, 40)])
     assert square.volume == pytest.approx(0.06 * 0.04 * 0.1, rel=1e-2)
+
+
+SOLIDS = {
+    # name: (mesh, exact volume, exact area)
+    "sphere": (objects.sphere(0.05, 5), 4 / 3 * np.pi * 0.05**3, 4 * np.pi * 0.05**2),
+    "can": (objects.cylinder(0.033, 0.12, 256), np.pi * 0.033**2 * 0.12, 2 * np.pi * 0.033 * (0.12 + 0.033)),
+    "box": (objects.box([0, 0, 0], [0.1, 0.2, 0.3]), 0.006, 2 * (0.02 + 0.03 + 0.06)),
+}
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_solids_are_closed_outward_and_of_the_right_size(name):
+    mesh, volume, area = SOLIDS[name]
+    solid = welded(mesh)
+    assert solid.is_watertight
+    assert solid.volume == pytest.approx(volume, rel=2e-3)  # inscribed facets lose up to 0.1 %
+    assert solid.area == pytest.approx(area, rel=2e-3)
+    assert np.abs(solid.bounds.mean(axis=0) - (0 if name != "box" else [0.05, 0.1, 0.15])).max() < 1e-12
+
+
+def test_sphere_normals_are_radial():
+    mesh = SOLIDS["sphere"][0]
+    radial = mesh.vertices / 0.05
+    assert np.abs(mesh.vertex_normals - radial).max() < 1e-9
+
+
+def test_cylinder_is_smooth_around_and_sharp_at_the_rim():
+    mesh = objects.cylinder(0.033, 0.12, 32)
+    side = np.abs(mesh.vertex_normals[:, 2]) < 0.5
+    radial = np.column_stack([mesh.vertices[side, :2] / 0.033, np.zeros(side.sum())])
+    assert np.abs(mesh.vertex_normals[side] - radial).max() < 1e-9
+    assert np.allclose(np.abs(mesh.vertex_normals[~side, 2]), 1)
+    # A face is all side or all cap: no vertex is shared across the rim.
+    assert (side[mesh.faces].sum(axis=1) % 3 == 0).all()
+
+
+def test_revolution_shares_normals_only_where_the_profile_is_smooth():
+    gentle = objects.revolution([(0.03, 0.0), (0.031, 0.05), (0.03, 0.1)], 32)
+    assert len(gentle.vertices) == 3 * 32
+    sharp = objects.revolution([(0.03, 0.0), (0.06, 0.05), (0.03, 0.1)], 32)
+    assert len(sharp.vertices) == 4 * 32
+
+
+def test_trihedral_is_three_right_triangles_opening_to_plus_x():
+    leg = 0.1
+    mesh = objects.trihedral(leg)
+    assert np.allclose(mesh.area_faces, leg**2 / 2)
+    assert np.allclose(mesh.face_normals @ mesh.face_normals.T, np.eye(3))
+    assert np.allclose(mesh.face_normals[:, 0], 1 / np.sqrt(3))  # equally inclined to the boresight, facing it
+    depth = leg / np.sqrt(3)
+    assert np.allclose(mesh.bounds[:, 0], [0, depth])
+    assert np.isclose(mesh.vertices[:, 2].max(), leg * np.sqrt(2 / 3))  # one leg upright
+
+
+def test_plate_and_dihedral_face_plus_x():
+    plate = objects.plate(0.1, 0.2)
+    assert np.allclose(plate.face_normals, [1, 0, 0])
+    assert np.allclose(plate.extents, [0, 0.1, 0.2])
+    dihedral = objects.dihedral(0.1, 0.2)
+    assert dihedral.area == pytest.approx(2 * 0.1 * 0.2)
+    assert np.allclose(dihedral.face_normals[:, 0], np.sqrt(0.5))
+    assert dihedral.face_normals[0] @ dihedral.face_normals[-1] == pytest.approx(0, abs=1e-12)
+    # Concave: each face's normal points towards the other face.
+    left, right = dihedral.triangles_center[:2].mean(axis=0), dihedral.triangles_center[2:].mean(axis=0)
+    assert (right - left) @ dihedral.face_normals[0] > 0 > (right - left) @ dihedral.face_normals[-1]

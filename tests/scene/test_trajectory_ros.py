@@ -1,6 +1,4 @@
-"""ROS bags that the package rosbags has written give the original poses. For an unknown topic or frame, the error lists the existing topics
-or frames.
-"""
+"""ROS bags that the package rosbags has written give the original poses. The error for an unknown name lists the existing names."""
 
 import numpy as np
 import pytest

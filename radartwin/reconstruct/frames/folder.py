@@ -21,12 +21,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 
 from radartwin.errors import ScanError
 from radartwin.io import untrusted_json
 from radartwin.io.files import inside, make_folder, write_atomically
 from radartwin.reconstruct.frames.frames import Frame, Frames, scan_digest
-from radartwin.reconstruct.frames.pictures import check_depth, read_colour, read_depth, read_picture
+from radartwin.reconstruct.frames.pictures import Files, opened
 
 FORMAT, VERSION = "radartwin-frames", 1
 INDEX = "frames.json"
@@ -57,26 +58,19 @@ def _save_frame(frame: Frame, folder: Path) -> dict[str, Any]:
     if not re.fullmatch(r"[\w.-]+", frame.name):
         raise ScanError(f"frame '{frame.name}': use only letters, digits, - _ and . because the name becomes a file name")
     counts = np.minimum(np.rint(frame.depth_m / UNIT_M), 65535).astype(np.uint16)
-    entry: dict[str, Any] = {
+    colour, lens, confidence = frame.colour, frame.colour_intrinsics, frame.confidence
+    return {
         "name": frame.name,
         "pose": frame.pose.tolist(),
         "intrinsics": frame.intrinsics.tolist(),
-        "colour_intrinsics": None,
+        "colour_intrinsics": None if colour is None or lens is None else lens.tolist(),
         "depth": _write(counts, folder, f"depth/{frame.name}.png"),
-        "colour": None,
-        "confidence": None,
+        "colour": None if colour is None or lens is None else _write(colour, folder, f"colour/{frame.name}.jpg"),
+        "confidence": None if confidence is None else _write(confidence, folder, f"confidence/{frame.name}.png"),
     }
-    if frame.colour is not None and frame.colour_intrinsics is not None:
-        entry["colour"] = _write(frame.colour, folder, f"colour/{frame.name}.jpg")
-        entry["colour_intrinsics"] = frame.colour_intrinsics.tolist()
-    if frame.confidence is not None:
-        entry["confidence"] = _write(frame.confidence, folder, f"confidence/{frame.name}.png")
-    return entry
 
 
 def _write(pixels: np.ndarray, folder: Path, name: str) -> str:
-    from PIL import Image
-
     stream = io.BytesIO()
     if name.endswith(".jpg"):
         Image.fromarray(pixels).save(stream, "JPEG", quality=JPEG_QUALITY, subsampling=0)
@@ -96,24 +90,15 @@ def load_own(folder: Path, colour_only: bool) -> Frames:
         scan_of = str(index.get("scan_of", "")) or scan_digest([folder / INDEX])
         names = [str(e["name"]) for e in entries]
         poses = np.array([e["pose"] for e in entries], dtype=np.float64).reshape(-1, 4, 4)
-        cameras = [np.array(e["intrinsics"], dtype=np.float64).reshape(3, 3) for e in entries]
-        depths = [inside(folder, str(e["depth"])) for e in entries]
-        colours = [inside(folder, str(e["colour"])) if e["colour"] else None for e in entries]
-        lenses = [np.array(e["colour_intrinsics"], dtype=np.float64).reshape(3, 3) if e["colour"] else None for e in entries]
-        confidences = [inside(folder, str(e["confidence"])) if e["confidence"] else None for e in entries]
+        lenses = {
+            "depth": [np.array(e["intrinsics"], dtype=np.float64).reshape(3, 3) for e in entries],
+            "colour": [np.array(e["colour_intrinsics"], dtype=np.float64).reshape(3, 3) if e["colour"] else np.eye(3) for e in entries],
+        }
+        kinds = ("depth", "colour", "confidence")
+        files = [Files(*(inside(folder, str(e[kind])) if e[kind] or kind == "depth" else None for kind in kinds)) for e in entries]
     except ScanError:
         raise
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ScanError(f"{folder / INDEX}: damaged ({type(error).__name__}: {error}); save the frames again") from error
-    if entries and not colour_only:
-        check_depth(depths, unit, str(folder), f"correct depth_unit_m in {INDEX}:")
-
-    def read(i: int) -> Frame:
-        colour = read_colour(path) if (path := colours[i]) else None
-        camera = lenses[i]
-        if colour_only and colour is not None and camera is not None:
-            return Frame.without_depth(names[i], poses[i], colour, camera)
-        confidence = read_picture(path) if (path := confidences[i]) else None
-        return Frame(names[i], poses[i], cameras[i], read_depth(depths[i], unit), colour, camera, confidence)
-
-    return Frames(names, poses, read, str(folder), scan_of)
+    remedy = f"correct depth_unit_m in {INDEX}:"
+    return opened(folder, names, poses, files, lambda i, kind, _: lenses[kind][i], unit, colour_only, scan_of, remedy)

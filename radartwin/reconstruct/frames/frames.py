@@ -1,6 +1,7 @@
-"""Define colour-and-depth frames with camera poses.
+"""Define colour-and-depth frames with camera poses, and convert poses of other conventions.
 
 The world frame has z up and is in metres. Poses are 4x4 camera-to-world matrices with OpenCV camera axes (x right, y down, z forward).
+OpenGL, ARKit and Blender use camera axes with y up and z backward. Structure-from-motion tools such as COLMAP write world-to-camera poses.
 Pixel centres have integer coordinates, so the top left corner of a picture lies at (-0.5, -0.5). Depth is measured along the camera's z
 axis, not along the ray. `frames.layouts.load_frames` reads a folder of frames, and `frames.folder.save_frames` writes a folder of frames.
 """
@@ -9,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import overload
 
@@ -17,7 +18,16 @@ import numpy as np
 
 from radartwin.errors import MissingError, PoseError, ScanError
 from radartwin.io.one_line import plural
+from radartwin.scene.mesh_file import TO_Z_UP
 
+CAMERA_FLIP = np.diag([1.0, -1.0, -1.0, 1.0])  # converts OpenGL camera axes to OpenCV axes and back
+# The values of the command-line option `--poses` and their meaning.
+POSE_CONVENTIONS = {
+    "opencv": "camera-to-world, x right, y down, z forward",
+    "opengl": "camera-to-world, x right, y up, z back",
+    "opencv-inverse": "world-to-camera, x right, y down, z forward",
+    "opengl-inverse": "world-to-camera, x right, y up, z back",
+}
 RIGID_TOLERANCE = 1e-3  # largest deviation of R^T R from the identity; ARKit poses and text files with six digits deviate by less than 1e-5
 
 
@@ -42,11 +52,6 @@ class Frame:
     colour: np.ndarray | None = None
     colour_intrinsics: np.ndarray | None = None
     confidence: np.ndarray | None = None
-
-    @classmethod
-    def without_depth(cls, name: str, pose: np.ndarray, colour: np.ndarray, intrinsics: np.ndarray) -> Frame:
-        """Make a frame from a colour picture, with a depth of 0 at every pixel."""
-        return cls(name, pose, intrinsics, np.zeros(colour.shape[:2], np.float32), colour, intrinsics)
 
 
 class Frames(Sequence[Frame]):
@@ -99,9 +104,6 @@ class Frames(Sequence[Frame]):
         picked = list(chosen)
         return Frames([self.names[i] for i in picked], self.poses[picked], lambda i: self._read(picked[i]), self.source, self.scan_of)
 
-    def __iter__(self) -> Iterator[Frame]:
-        return (self[i] for i in range(len(self)))
-
     def with_poses(self, poses: np.ndarray) -> Frames:
         """Return the same frames with their poses replaced by `poses` (N, 4, 4), camera-to-world."""
         return Frames(self.names, poses, self._read, self.source, self.scan_of)
@@ -153,3 +155,21 @@ def points(frame: Frame) -> np.ndarray:
     y = (v - k[1, 2]) / k[1, 1]
     x = (u - k[0, 2] - k[0, 1] * y) / k[0, 0]
     return np.stack([x * depth, y * depth, depth], axis=-1) @ frame.pose[:3, :3].T + frame.pose[:3, 3]
+
+
+def camera_to_world(poses: np.ndarray, convention: str) -> np.ndarray:
+    """Convert poses (N, 4, 4) from one of POSE_CONVENTIONS to camera-to-world with OpenCV axes. The function does not check the poses."""
+    if convention.endswith("-inverse"):
+        rotation = np.swapaxes(poses[:, :3, :3], 1, 2)
+        inverse = poses.copy()
+        inverse[:, :3, :3] = rotation
+        inverse[:, :3, 3] = -np.einsum("nij,nj->ni", rotation, poses[:, :3, 3])
+        poses = inverse
+    return poses @ CAMERA_FLIP if convention.startswith("opengl") else poses
+
+
+def z_up(poses: np.ndarray, up: str) -> np.ndarray:
+    """Rotate the world frame of poses (N, 4, 4) so that the world axis `up` becomes z."""
+    rotation = np.eye(4)
+    rotation[:3, :3] = TO_Z_UP[up]
+    return rotation @ poses

@@ -1,15 +1,16 @@
-"""Read and check the depth, colour and confidence pictures of frames."""
+"""Read and check the depth, colour and confidence pictures of frames, and make frames from the files of a folder."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from radartwin.errors import MissingError, ScanError
 from radartwin.io.untrusted_pictures import open_picture
+from radartwin.reconstruct.frames.frames import Frame, Frames
 
 MEDIAN_DEPTH_M = (0.15, 8.0)  # plausible median of an indoor depth picture; phone LiDAR reaches 5 m, Kinects reach 8 m
 CHECKED = 3  # number of non-empty depth pictures that are checked
@@ -87,3 +88,49 @@ def _bisected(count: int) -> list[int]:
         order |= dict.fromkeys(min(count * k // parts, count - 1) for k in range(parts))
         parts *= 2
     return list(order)
+
+
+class Files(NamedTuple):
+    """The picture files of a frame; None for a picture that does not exist."""
+
+    depth: Path | None
+    colour: Path | None = None
+    confidence: Path | None = None
+
+
+def opened(
+    folder: Path,
+    names: Sequence[str],
+    poses: np.ndarray,
+    files: Sequence[Files],
+    lens: Callable[[int, str, tuple[int, int]], np.ndarray],
+    unit_m: float,
+    colour_only: bool,
+    scan_of: str,
+    remedy: str = "give --depth-unit",
+) -> Frames:
+    """Open the frames of a folder, after a check of some depth pictures. The pictures of a frame are read when the frame is accessed.
+
+    Args:
+        lens: function that returns the intrinsics (3, 3) of frame i for its "depth" or "colour" picture of a size (width, height).
+        unit_m: metres per count of the depth pictures.
+        colour_only: whether to read no depth of frames that have a colour picture.
+        remedy: what to do about an implausible depth unit, for the error message.
+    """
+    if files and not colour_only:
+        check_depth([file.depth for file in files if file.depth is not None], unit_m, str(folder), remedy)
+
+    def read(i: int) -> Frame:
+        depth_file, colour_file, confidence_file = files[i]
+        colour = None if colour_file is None else read_colour(colour_file)
+        colour_lens = None if colour is None else lens(i, "colour", colour.shape[1::-1])
+        if colour_only and colour is not None and colour_lens is not None:
+            return Frame(names[i], poses[i], colour_lens, np.zeros(colour.shape[:2], np.float32), colour, colour_lens)
+        assert depth_file is not None  # only frames with a colour picture lack depth
+        depth = read_depth(depth_file, unit_m)
+        confidence = None if confidence_file is None else read_picture(confidence_file)
+        if confidence is not None and confidence.shape != depth.shape:
+            raise ScanError(f"{confidence_file} has {confidence.shape} pixels but the depth {depth.shape}; export the frame again")
+        return Frame(names[i], poses[i], lens(i, "depth", depth.shape[::-1]), depth, colour, colour_lens, confidence)
+
+    return Frames(names, poses, read, str(folder), scan_of)

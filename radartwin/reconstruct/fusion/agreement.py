@@ -15,9 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from radartwin.errors import ScanError
-from radartwin.reconstruct.axes import POSE_CONVENTIONS, camera_to_world
 from radartwin.reconstruct.frames.folder import INDEX
-from radartwin.reconstruct.frames.frames import Frame, Frames, points
+from radartwin.reconstruct.frames.frames import POSE_CONVENTIONS, Frame, Frames, camera_to_world, points
 from radartwin.reconstruct.frames.pictures import UNITS_M, plausible
 from radartwin.reconstruct.fusion.alignment import disagreement
 from radartwin.reconstruct.fusion.views import prepared
@@ -59,7 +58,7 @@ def check_agreement(frames: Frames, unit_m: float | None, convention: str | None
     Args:
         frames: frames with their original poses, so any world axis may point up.
         unit_m: metres per count with which the depth pictures were read; None if the folder layout defines the unit.
-        convention: pose convention, one of `axes.POSE_CONVENTIONS`; None if the folder layout defines the convention.
+        convention: pose convention, one of `frames.POSE_CONVENTIONS`; None if the folder layout defines the convention.
         metadata_file: name of the file that defines the pose convention if `convention` is None.
     Raises:
         ScanError: views coincide clearly better with another unit or convention. The message names this unit or convention, and gives the
@@ -76,7 +75,8 @@ def check_agreement(frames: Frames, unit_m: float | None, convention: str | None
         return
     depth_m = float(np.median(depths))
     scale = MEDIAN_M / depth_m
-    views = [_scaled(prepared(frame, np.inf), scale) for frame in chosen]
+    views = [prepared(frame, np.inf) for frame in chosen]
+    views = [view._replace(depth=(view.depth * np.float32(scale)).astype(np.float32)) for view in views]
     poses = np.array([frame.pose for frame in chosen])
     poses[:, :3, 3] *= scale
 
@@ -95,7 +95,9 @@ def _check_convention(
     source: str, views: list[View], poses: np.ndarray, convention: str | None, metadata_file: str, scale: float
 ) -> Agreement:
     """Compare the given pose convention with all other conventions, and return the `Agreement` of the given convention."""
-    as_written = _as_written(poses, convention or "opencv")
+    # back to the convention of the file: the inverse of `camera_to_world`
+    flipped = camera_to_world(poses, "opengl") if (convention or "").startswith("opengl") else poses
+    as_written = camera_to_world(flipped, "opencv-inverse") if (convention or "").endswith("-inverse") else flipped
     found = disagreement(views, [camera_to_world(as_written, name) for name in POSE_CONVENTIONS])
     agreements = {name: Agreement(name, *values) for name, values in zip(POSE_CONVENTIONS, found, strict=True)}
     given = agreements[convention or "opencv"]
@@ -110,11 +112,7 @@ def _check_convention(
 
 
 def _check_unit(source: str, chosen: Sequence[Frame], views: list[View], poses: np.ndarray, unit_m: float, given: Agreement) -> None:
-    """Compare the views for every plausible depth unit.
-
-    To test a depth unit that is k times larger, the function divides the camera positions by k, which gives the same scene except for its
-    size.
-    """
+    """Compare the views for every plausible depth unit: for a unit k times larger, camera positions / k give the same scene, scaled."""
     depth_m = float(np.median(np.concatenate([f.depth_m[f.depth_m > 0][::50] for f in chosen])))
     others = [u for u in UNITS_M if not np.isclose(u, unit_m, rtol=0.01) and plausible(depth_m * u / unit_m)]
     moved = []
@@ -140,16 +138,6 @@ def _check_unit(source: str, chosen: Sequence[Frame], views: list[View], poses: 
     if equal:
         text = f"the views do not determine the unit of depth: it may be {described(given, unit_m)}, as given, or {' or '.join(equal)}"
         warnings.warn(f"{source}: {text}; check --depth-unit", ScanWarning, stacklevel=3)
-
-
-def _as_written(poses: np.ndarray, convention: str) -> np.ndarray:
-    """Convert camera-to-world poses back to the pose convention of the file, as the inverse of `camera_to_world`."""
-    flipped = camera_to_world(poses, "opengl") if convention.startswith("opengl") else poses
-    return camera_to_world(flipped, "opencv-inverse") if convention.endswith("-inverse") else flipped
-
-
-def _scaled(view: View, factor: float) -> View:
-    return View(view.pose, view.intrinsics, (view.depth * np.float32(factor)).astype(np.float32), view.slope, view.weight)
 
 
 def _extent_m(chosen: Sequence[Frame], factor: float) -> np.ndarray:

@@ -14,16 +14,14 @@ Symbols: delta_i -> correction of view i in world coordinates: a rotation vector
 from __future__ import annotations
 
 import dataclasses
-import warnings
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from radartwin.compiled import compiled, shared_out
 from radartwin.reconstruct.fusion.views import Views
-from radartwin.reconstruct.fusion.volume import View, pinhole
+from radartwin.reconstruct.fusion.volume import View
 
 # samples along the width of a view; a phone's depth map, which has 576 laser spots, then has about 550 samples
 SAMPLES_ACROSS = 28
@@ -56,42 +54,27 @@ class AlignmentReport:
     largest_turn_deg: float
 
 
-class _Sampled(NamedTuple):
-    """Hold the data of V camera views: surface samples, depth maps, and pinhole parameters (fx, fy, cx, cy) of shape (V, 4).
-
-    Each sample is a row of 7 numbers: point and normal in camera coordinates, and weight.
-    """
-
-    samples: list[np.ndarray]
-    depths: list[np.ndarray]
-    lenses: np.ndarray
-
-    @classmethod
-    def of(cls, views: Sequence[View]) -> _Sampled:
-        return cls([_samples(v) for v in views], [v.depth for v in views], np.array([pinhole(v.intrinsics) for v in views]))
-
-
 def align(views: Views) -> AlignmentReport:
     """Correct the drift in the poses of `views`, in place, and return a report of the correction."""
-    sampled = _Sampled.of([views[i] for i in range(len(views))])
+    fixed = [views[i] for i in range(len(views))]
+    samples = [_samples(view) for view in fixed]
     start = views.poses.copy()
     poses = start.copy()
     centre = poses[:, :3, 3].mean(axis=0)
-    pairs = _pairs(poses, sampled)
+    pairs = _pairs(poses, fixed, samples)
     if not len(pairs):
         return AlignmentReport(0, float("nan"), float("nan"), 0.0, 0.0)
     before = float("nan")
     for step, scale in enumerate(SCALES_M):
-        blocks, median = _normal_equations(poses, sampled, pairs, centre, scale)
+        blocks, median = _normal_equations(poses, fixed, samples, pairs, centre, scale)
         before = median if step == 0 else before
-        matrix, right = _assembled(blocks, pairs, len(poses))
-        _add_prior(matrix, right, start, poses, centre)
+        matrix, right = _assembled(blocks, pairs, start, poses, centre)
         free = matrix[6:, 6:]
         delta = np.concatenate([np.zeros(6), np.linalg.solve(free + 1e-9 * np.eye(len(free)), right[6:])]).reshape(-1, 6)
         rotations = Rotation.from_rotvec(delta[:, :3]).as_matrix()
         poses[:, :3, 3] = np.einsum("nij,nj->ni", rotations, poses[:, :3, 3] - centre) + centre + delta[:, 3:]
         poses[:, :3, :3] = rotations @ poses[:, :3, :3]
-    _, after = _normal_equations(poses, sampled, pairs, centre, SCALES_M[-1])
+    _, after = _normal_equations(poses, fixed, samples, pairs, centre, SCALES_M[-1])
     poses = _anchored(start, poses)
     views.poses[:] = poses
     angle = _rotation_between(start, poses).magnitude()
@@ -104,16 +87,10 @@ def disagreement(views: Sequence[View], pose_sets: Iterable[np.ndarray]) -> list
 
     The list has an entry for each array of poses (N, 4, 4) in `pose_sets`.
     """
-    sampled = _Sampled.of(views)
-    found = []
+    samples, found = [_samples(view) for view in views], []
     for poses in pose_sets:
-        pairs = _pairs(poses, sampled)
-        apart = float("nan")
-        if len(pairs):
-            with warnings.catch_warnings():
-                # views of opposite sides of a surface have no residuals, so the median of the residuals is NaN
-                warnings.simplefilter("ignore", RuntimeWarning)
-                apart = _normal_equations(poses, sampled, pairs, np.zeros(3), SCALES_M[0])[1]
+        pairs = _pairs(poses, views, samples)
+        apart = _normal_equations(poses, views, samples, pairs, np.zeros(3), SCALES_M[0])[1]
         found.append((len(pairs) if np.isfinite(apart) else 0, apart))
     return found
 
@@ -123,11 +100,8 @@ def _rotation_between(start: np.ndarray, poses: np.ndarray) -> Rotation:
 
 
 def _anchored(start: np.ndarray, poses: np.ndarray) -> np.ndarray:
-    """Move all poses together by one rigid motion, so that heading and position fit the first views, and roll and pitch fit all views.
-
-    The heading and position are averaged over several views at the beginning of the path, because the noise of a single view would move the
-    whole scan.
-    """
+    """Move all poses by one rigid motion, so that heading and position fit the first views, and roll and pitch fit all views."""
+    # a weighted mean over the first views, because the noise of a single view would move the whole scan
     path = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(start[:, :3, 3], axis=0), axis=1))])
     weight = np.exp(-path / ANCHOR_M)
     weight /= weight.sum()
@@ -145,7 +119,7 @@ def _samples(view: View) -> np.ndarray:
     h, w = view.depth.shape
     step, reach = max(round(w / SAMPLES_ACROSS), 1), max(round(w / NORMALS_ACROSS), 1)
     v, u = (n.ravel() for n in np.mgrid[reach : h - reach : step, reach : w - reach : step])
-    fx, fy, cx, cy = pinhole(view.intrinsics)
+    fx, fy, cx, cy = view.lens
 
     def at(dv: int, du: int) -> tuple[np.ndarray, np.ndarray]:
         depth = view.depth[v + dv, u + du].astype(np.float64)
@@ -161,29 +135,24 @@ def _samples(view: View) -> np.ndarray:
     return np.column_stack([point[good], (normal[good].T / length[good]).T, view.weight[v, u][good]])
 
 
-def _pairs(poses: np.ndarray, sampled: _Sampled) -> np.ndarray:
+def _pairs(poses: np.ndarray, views: Sequence[View], samples: Sequence[np.ndarray]) -> np.ndarray:
     """Return the index pairs (P, 2) of views that see the same surfaces. The first view of a pair provides the samples."""
-    samples, depths, lenses = sampled
     found = []
-    for i, own in enumerate(samples):
-        some = own[::7]
-        if len(some) < 8:
+    for i, points in enumerate(samples):
+        thinned = points[::7]
+        if len(thinned) < 8:
             continue
-        world = some[:, :3] @ poses[i, :3, :3].T + poses[i, :3, 3]
-        for j in range(len(samples)):
-            if i != j and len(samples[j]) and _shared(world, poses[j], depths[j], lenses[j]) > OVERLAP * len(some):
+        world = thinned[:, :3] @ poses[i, :3, :3].T + poses[i, :3, 3]
+        for j, view in enumerate(views):
+            if i != j and len(samples[j]) and _shared(world, poses[j], view.depth, view.lens) > OVERLAP * len(thinned):
                 found.append((i, j))
     return np.array(found, dtype=np.int64).reshape(-1, 2)
 
 
 def _normal_equations(
-    poses: np.ndarray, sampled: _Sampled, pairs: np.ndarray, centre: np.ndarray, scale_m: float
+    poses: np.ndarray, views: Sequence[View], samples: Sequence[np.ndarray], pairs: np.ndarray, centre: np.ndarray, scale_m: float
 ) -> tuple[np.ndarray, float]:
-    """Return the least-squares normal equations (P, 27) of P view pairs, and the median residual of all pairs in metres.
-
-    Each row has 21 values of the upper triangle of the matrix and 6 values of the right side.
-    """
-    samples, depths, lenses = sampled
+    """Return the normal equations (P, 27) of P view pairs, 21 of the upper triangle and 6 of the right side, and the median residual."""
     blocks, residuals = np.zeros((len(pairs), 27)), np.full(len(pairs), np.nan)
     worlds = [
         np.column_stack([s[:, :3] @ p[:3, :3].T + p[:3, 3], s[:, 3:6] @ p[:3, :3].T, s[:, 6]]) for s, p in zip(samples, poses, strict=True)
@@ -192,60 +161,55 @@ def _normal_equations(
     def accumulate(first: int, last: int) -> None:
         for k in range(first, last):
             i, j = pairs[k]
-            residuals[k] = _accumulate(worlds[i], poses[j], depths[j], lenses[j], centre, scale_m, blocks[k])
+            residuals[k] = _accumulate(worlds[i], poses[j], views[j].depth, views[j].lens, centre, scale_m, blocks[k])
 
     shared_out(accumulate, len(pairs))
-    return blocks, float(np.nanmedian(residuals))
+    known = residuals[np.isfinite(residuals)]  # views of opposite sides of a surface have no residuals
+    return blocks, float(np.median(known)) if len(known) else float("nan")
 
 
-def _assembled(blocks: np.ndarray, pairs: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Assemble the normal-equation matrix (6V, 6V) and right side (6V,) for V views from the blocks of all view pairs."""
-    upper = np.triu_indices(6)
+def _assembled(
+    blocks: np.ndarray, pairs: np.ndarray, start: np.ndarray, poses: np.ndarray, centre: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Assemble the matrix (6V, 6V) and right side (6V,) for V views from the blocks of all view pairs, the priors of motion and gravity."""
+    count, upper = len(poses), np.triu_indices(6)
     own = np.zeros((len(blocks), 6, 6))
     own[:, upper[0], upper[1]] = blocks[:, :21]
     own[:, upper[1], upper[0]] = blocks[:, :21]
+    turn = _rotation_between(start, poses).as_rotvec()
+    weights, pulls = _motion_prior(turn, start, poses, centre)
     matrix, right = np.zeros((count, 6, count, 6)), np.zeros((count, 6))
-    i, j = pairs.T
-    for k in range(len(own)):
-        a, b = i[k], j[k]
-        matrix[a, :, a] += own[k]
-        matrix[b, :, b] += own[k]
-        matrix[a, :, b] -= own[k]
-        matrix[b, :, a] -= own[k]
-        right[a] += blocks[k, 21:]
-        right[b] -= blocks[k, 21:]
+    consecutive = np.stack([np.arange(count - 1), np.arange(1, count)], axis=1)
+    terms = (np.concatenate([pairs, consecutive]), np.concatenate([own, weights]), np.concatenate([blocks[:, 21:], pulls]))
+    for (a, b), weight, pull in zip(*terms, strict=True):
+        matrix[a, :, a] += weight
+        matrix[b, :, b] += weight
+        matrix[a, :, b] -= weight
+        matrix[b, :, a] -= weight
+        right[a] += pull
+        right[b] -= pull
+    for axis in (0, 1):  # gravity
+        matrix[range(count), axis, range(count), axis] += 1 / LEVEL_RAD**2
+        right[:, axis] -= turn[:, axis] / LEVEL_RAD**2
     return matrix.reshape(6 * count, 6 * count), right.ravel()
 
 
-def _add_prior(matrix: np.ndarray, right: np.ndarray, start: np.ndarray, poses: np.ndarray, centre: np.ndarray) -> None:
-    """Add the two priors to `matrix` and `right`, in place: the phone's motion estimate between consecutive views, and gravity.
-
-    Both priors are linearised at the current poses.
-    """
-    turn = _rotation_between(start, poses).as_rotvec()
+def _motion_prior(turn: np.ndarray, start: np.ndarray, poses: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return weights (V-1, 6, 6) and pulls (V-1, 6) of the phone's motion estimate between consecutive views, at the current poses."""
     # A correction moves a point p to p + turn x (p - centre) + shift, where the symbol x in the middle is the cross product. The next line
     # computes the shift that moves the camera to its current position.
     shift = poses[:, :3, 3] - start[:, :3, 3] - np.cross(turn, start[:, :3, 3] - centre)
     gap = np.linalg.norm(np.diff(start[:, :3, 3], axis=0), axis=1)
-    for i in range(len(poses) - 1):
-        a, b = slice(6 * i, 6 * i + 6), slice(6 * i + 6, 6 * i + 12)
+    weights, pulls = np.zeros((len(gap), 6, 6)), np.zeros((len(gap), 6))
+    for i in range(len(gap)):
         # Shifts are compared at the positions of the cameras. A rotation about `centre` also moves these positions.
         arm = (start[i, :3, 3] + start[i + 1, :3, 3]) / 2 - centre
         lever = np.eye(6)
         lever[3:, :3] = -np.array([[0, -arm[2], arm[1]], [arm[2], 0, -arm[0]], [-arm[1], arm[0], 0]])
         precision = np.repeat([1 / (TURN_RAD**2 * gap[i] + REST_RAD**2), 1 / (SHIFT_M**2 * gap[i] + REST_M**2)], 3)
-        weight = lever.T @ (precision[:, None] * lever)
-        pull = weight @ np.concatenate([turn[i + 1] - turn[i], shift[i + 1] - shift[i]])
-        matrix[a, a] += weight
-        matrix[b, b] += weight
-        matrix[a, b] -= weight
-        matrix[b, a] -= weight
-        right[a] += pull
-        right[b] -= pull
-    for i in range(len(poses)):
-        for axis in (0, 1):
-            matrix[6 * i + axis, 6 * i + axis] += 1 / LEVEL_RAD**2
-            right[6 * i + axis] -= turn[i, axis] / LEVEL_RAD**2
+        weights[i] = lever.T @ (precision[:, None] * lever)
+        pulls[i] = weights[i] @ np.concatenate([turn[i + 1] - turn[i], shift[i + 1] - shift[i]])
+    return weights, pulls
 
 
 @compiled

@@ -117,7 +117,7 @@ def fuse(
     voxel_m: float | None = None,
     refine: bool = True,
     scale: str = "measured",
-    progress: Callable[[int, int], None] | None = None,
+    done: Callable[[], object] = lambda: None,
 ) -> tuple[trimesh.Trimesh, FusionReport]:
     """Fuse frames into a coloured mesh of the surfaces that they show.
 
@@ -126,7 +126,7 @@ def fuse(
         voxel_m: edge length of a voxel in metres; None derives the length from the size of the room, about 2 cm for a diagonal of 9 m.
         refine: whether to correct the drift of the poses before the fusion, with the module `alignment`.
         scale: text for the report that names the source of the unit of length.
-        progress: function that is called as progress(done, total) after each frame; the fusion passes over all frames twice.
+        done: function that is called after each frame; the fusion passes over all frames twice.
     Returns:
         The mesh in metres with z up, RGBA vertex colours and triangles that face free space.
         The report of the fusion.
@@ -142,13 +142,12 @@ def fuse(
         frames = frames[::every]
     _warn_of_far_depths(frames)
     views = Views(frames, MAX_RANGE_M)
-    steps = 2 * len(views)
-    low, high, used = _bounds(views, lambda i: progress(i, steps) if progress else None)
+    low, high, used = _bounds(views, done)
     alignment = None
     if refine:
         alignment = align(views)
-        low, high, used = _bounds(views, lambda _: None)
-    volume = _filled_volume(views, low, high, used, voxel_m, lambda i: progress(len(views) + i, steps) if progress else None)
+        low, high, used = _bounds(views, lambda: None)
+    volume = _filled_volume(views, low, high, used, voxel_m, done)
     # A surface is kept only if the standard deviation of its distance is below the truncation distance. A view that measures points behind
     # a wrong surface removes this surface.
     mesh, coloured = extract(volume, (REFERENCE_NOISE_M / volume.truncation_m) ** 2)
@@ -189,12 +188,9 @@ def _warn_of_far_depths(frames: Frames) -> None:
 
 
 def _filled_volume(
-    views: Views, low: np.ndarray, high: np.ndarray, used: list[int], voxel_m: float | None, done: Callable[[int], None]
+    views: Views, low: np.ndarray, high: np.ndarray, used: list[int], voxel_m: float | None, done: Callable[[], object]
 ) -> Volume:
-    """Create the signed distance volume between the corners `low` and `high` and average all views into the volume.
-
-    After each view, the function calls `done` with the number of views that are already averaged into the volume.
-    """
+    """Average all views into a new signed distance volume between the corners `low` and `high`, and call `done` after each view."""
     if voxel_m is None:
         voxel_m = round(float(np.clip(np.linalg.norm(high - low) / VOXELS_ACROSS, *VOXEL_M)), 3)
     elif not 0.002 <= voxel_m <= 0.5:
@@ -205,7 +201,7 @@ def _filled_volume(
     volume.allocate()
     for i in range(len(views)):
         volume.integrate(views[i])
-        done(i + 1)
+        done()
     return volume
 
 
@@ -215,14 +211,14 @@ def without_small_parts(mesh: trimesh.Trimesh, values: np.ndarray) -> tuple[trim
     Returns:
         The mesh, the `values` (V,) of the remaining vertices, and the number of removed connected parts.
     """
-    faces, colours = np.asarray(mesh.faces), np.asarray(mesh.visual.vertex_colors)  # type: ignore[union-attr]
+    faces = np.asarray(mesh.faces)
     label = trimesh.graph.connected_component_labels(faces[:, [0, 1, 1, 2]].reshape(-1, 2), len(mesh.vertices))
     area = np.bincount(label[faces[:, 0]], weights=mesh.area_faces, minlength=label.max() + 1)
     large = area >= min(SMALLEST_PART_M2, area.max())
     keep = large[label]
-    number = np.cumsum(keep) - 1
-    new_faces = number[faces[keep[faces[:, 0]]]]
-    out = trimesh.Trimesh(np.asarray(mesh.vertices)[keep], new_faces, vertex_colors=colours[keep], process=False)
+    out = mesh.copy()
+    out.update_faces(keep[faces[:, 0]])
+    out.update_vertices(keep)
     return out, values[keep], int((~large).sum())
 
 
@@ -256,12 +252,12 @@ def holes(mesh: trimesh.Trimesh) -> Holes:
     return Holes(int(is_hole.sum()), float(length.sum()), float(area[is_hole].sum()), float(area[is_hole].max(initial=0.0)))
 
 
-def _bounds(views: Views, done: Callable[[int], None]) -> tuple[np.ndarray, np.ndarray, list[int]]:
+def _bounds(views: Views, done: Callable[[], object]) -> tuple[np.ndarray, np.ndarray, list[int]]:
     """Return the lowest and the highest corner of all depth points, and the indices of the views with any usable depth."""
     low, high, used = np.full(3, np.inf), np.full(3, -np.inf), []
     for i in range(len(views)):
         seen = _points(views[i], 2)
-        done(i + 1)
+        done()
         if len(seen):
             used.append(i)
             low, high = np.minimum(low, seen.min(axis=0)), np.maximum(high, seen.max(axis=0))
@@ -278,6 +274,6 @@ def _points(view: View, step: int) -> np.ndarray:
     v, u = np.nonzero(view.weight[::step, ::step])
     u, v = u * step, v * step
     depth = view.depth[v, u].astype(np.float64)
-    k = view.intrinsics
-    camera = np.stack([(u - k[0, 2]) / k[0, 0] * depth, (v - k[1, 2]) / k[1, 1] * depth, depth], axis=1)
+    fx, fy, cx, cy = view.lens
+    camera = np.stack([(u - cx) / fx * depth, (v - cy) / fy * depth, depth], axis=1)
     return camera @ view.pose[:3, :3].T + view.pose[:3, 3]

@@ -58,9 +58,7 @@ def extract(volume: Volume, min_weight: float) -> tuple[trimesh.Trimesh, np.ndar
 
 
 def _whole_cubes(seen: np.ndarray) -> np.ndarray:
-    """Return a mask of the cubes whose eight corner voxels were observed. A cube's mask value is at its corner with the largest indices, as
-    scikit-image expects.
-    """
+    """Return a mask of the cubes with eight observed corners, at the corner with the largest indices, as scikit-image expects."""
     whole = np.zeros_like(seen)
     low, high = slice(None, -1), slice(1, None)
     whole[1:, 1:, 1:] = np.all([seen[corner] for corner in itertools.product((low, high), repeat=3)], axis=0)
@@ -90,10 +88,7 @@ def _gather(slot, sdf, weight, block, values, weights):
 
 @compiled
 def _colours(cells, slot, colour, colour_weight):
-    """Return the colours (N, 3) at the vertices `cells` (N, 3), which are in units of voxels.
-
-    The function also returns a boolean mask (N,) of the vertices with at least one coloured voxel around them.
-    """
+    """Return the colours (N, 3) at vertices (N, 3) in units of voxels, and a mask (N,) of those with a coloured voxel around them."""
     out = np.full((len(cells), 3), GREY, np.uint8)
     known = np.zeros(len(cells), np.bool_)
     for p in range(len(cells)):

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 
 from radartwin.errors import BackendError, MissingError, ScanError
 from radartwin.io import untrusted_json
@@ -68,7 +69,9 @@ class DepthModel:
             raise MissingError(f"{name}: no such folder of weights; give a folder with config.json, or a model name such as owner/model")
         try:
             config = AutoConfig.from_pretrained(str(name))
-            _check_metric(config, str(name))
+            if config.model_type not in METRIC_TYPES and getattr(config, "depth_estimation_type", None) != "metric":
+                reason = f"{config.model_type} gives relative depth, so lengths have no scale"
+                raise ScanError(f"{name}: {reason}; choose a metric model (Depth Anything V2 Metric)")
             network = AutoModelForDepthEstimation.from_pretrained(str(name), use_safetensors=True).eval()
         except OSError as error:
             raise MissingError(
@@ -89,7 +92,6 @@ class DepthModel:
     def __call__(self, colour: np.ndarray) -> np.ndarray:
         """Estimate the depth (h, w), float32 metres at the network's resolution, of a colour picture (H, W, 3) uint8."""
         import torch
-        from PIL import Image
 
         height = max(round(min(self.height, colour.shape[0]) / self.multiple), 1) * self.multiple
         width = max(round(height * colour.shape[1] / colour.shape[0] / self.multiple), 1) * self.multiple
@@ -124,20 +126,10 @@ def with_depth(frames: Frames, estimate: Estimator) -> Frames:
 
 
 def _sized(depth: np.ndarray) -> np.ndarray:
-    from PIL import Image
-
     width = min(DEPTH_WIDTH, depth.shape[1])
     height = max(round(depth.shape[0] * width / depth.shape[1]), 1)
     resized = np.asarray(Image.fromarray(depth.astype(np.float32)).resize((width, height), Image.Resampling.BILINEAR))
     return np.maximum(resized, 0).astype(np.float32)
-
-
-def _check_metric(config: Any, name: str) -> None:
-    metric = config.model_type in METRIC_TYPES or getattr(config, "depth_estimation_type", None) == "metric"
-    if not metric:
-        raise ScanError(
-            f"{name}: {config.model_type} gives relative depth, so lengths have no scale; choose a metric model (Depth Anything V2 Metric)"
-        )
 
 
 def _processing(folder: Path) -> dict[str, Any]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
 from radartwin.compiled import compiled
@@ -42,10 +40,10 @@ class Views:
         view = self._cache.get(index)
         if view is None:
             view = prepared(self.frames[index], self.max_range_m)
-            self._bytes += 3 * view.depth.nbytes + (0 if view.colour is None else view.colour.nbytes)
+            self._bytes += 3 * view.depth.nbytes + view.colour.nbytes
             if self._bytes < CACHE_BYTES:
                 self._cache[index] = view
-        return dataclasses.replace(view, pose=self.poses[index])
+        return view._replace(pose=self.poses[index])
 
 
 def prepared(frame: Frame, max_range_m: float) -> View:
@@ -58,54 +56,34 @@ def prepared(frame: Frame, max_range_m: float) -> View:
     """
     depth = np.where(frame.depth_m <= max_range_m, frame.depth_m, np.float32(0)).astype(np.float32)
     confidence = np.full(depth.shape, 2, np.uint8) if frame.confidence is None else np.minimum(frame.confidence, 2)
-    k = frame.intrinsics
-    slope, weight = _slope(depth, _sigma(depth, confidence), k[0, 0], k[1, 1], k[0, 2], k[1, 2])
-    return View(frame.pose, k, depth, slope, weight, *_reduced(frame))
+    lens = _lens(frame.intrinsics)
+    noise = NOISE[confidence]
+    # standard deviation of each depth pixel in metres, at least that of a pixel of high confidence
+    sigma = np.maximum(noise[..., 0] + (noise[..., 1] + noise[..., 2] * depth) * depth, NOISE_FLOOR_M + NOISE_PER_M * depth)
+    slope, weight = _slope(depth, sigma, lens)
+    return View(frame.pose, lens, depth, slope, weight, *_reduced(frame))
 
 
-def _reduced(frame: Frame) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Return the colour picture, averaged to about the resolution of the depth picture, and the intrinsics of the averaged picture.
+def _lens(intrinsics: np.ndarray) -> np.ndarray:
+    return np.array([intrinsics[0, 0], intrinsics[1, 1], intrinsics[0, 2], intrinsics[1, 2]], dtype=np.float64)
 
-    Without averaging, fine texture would be aliased in the colours of the voxels.
-    """
+
+def _reduced(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+    """Return the colour picture, averaged to the resolution of the depth to avoid aliasing in the voxels, and its lens."""
     if frame.colour is None or frame.colour_intrinsics is None:
-        return None, None
+        return np.zeros((0, 0, 3), np.uint8), np.ones(4)
     factor = max(round(float(frame.colour_intrinsics[0, 0] / frame.intrinsics[0, 0])), 1)
     height, width = (n // factor for n in frame.colour.shape[:2])
-    small = _averaged(np.ascontiguousarray(frame.colour), factor)
-    return small, rescaled(frame.colour_intrinsics, (width * factor, height * factor), (width, height))
+    blocks = frame.colour[: height * factor, : width * factor].reshape(height, factor, width, factor, 3)
+    small = ((2 * blocks.sum(axis=(1, 3), dtype=np.uint32) + factor**2) // (2 * factor**2)).astype(np.uint8)
+    return small, _lens(rescaled(frame.colour_intrinsics, (width * factor, height * factor), (width, height)))
 
 
 @compiled
-def _averaged(picture, factor):
-    """Return the picture (h, w, 3) uint8 of which each pixel is the mean of `factor` x `factor` pixels of `picture`."""
-    height, width = picture.shape[0] // factor, picture.shape[1] // factor
-    out = np.empty((height, width, 3), np.uint8)
-    for v in range(height):
-        for u in range(width):
-            for c in range(3):
-                total = 0
-                for i in range(factor):
-                    for j in range(factor):
-                        total += picture[v * factor + i, u * factor + j, c]
-                out[v, u, c] = (2 * total + factor * factor) // (2 * factor * factor)
-    return out
-
-
-def _sigma(depth: np.ndarray, confidence: np.ndarray) -> np.ndarray:
-    """Return the standard deviation (h, w) in metres of each depth pixel, at least that of a pixel of high confidence."""
-    noise = NOISE[confidence]
-    return np.maximum(noise[..., 0] + (noise[..., 1] + noise[..., 2] * depth) * depth, NOISE_FLOOR_M + NOISE_PER_M * depth)
-
-
-@compiled
-def _slope(depth, sigma, fx, fy, cx, cy):
-    """Return the slope |n . r| (surface normal n, pixel ray r of depth component 1) and the weight of each depth pixel. The weight is
-    the inverse variance, multiplied by the cosine of the angle of incidence.
-
-    Both arrays have the shape (h, w). Slope and weight are 0 at pixels without depth and at pixels without a surface around them.
-    """
+def _slope(depth, sigma, lens):
+    """Return slope |n . r| (normal n, pixel ray r of depth component 1) and weight (h, w); 0 without depth or a surface around a pixel."""
     height, width = depth.shape
+    fx, fy, cx, cy = lens
     slope, weight = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
     for v in range(height):
         for u in range(width):

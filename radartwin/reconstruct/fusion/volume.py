@@ -14,7 +14,6 @@ disturb each other less.
 
 from __future__ import annotations
 
-import dataclasses
 from typing import NamedTuple
 
 import numpy as np
@@ -26,65 +25,27 @@ SIDE = 8  # voxels along a block's edge
 MAX_BLOCKS = 130_000  # 66 million voxels, 1.6 GB with colour
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class View:
+class View(NamedTuple):
     """A depth picture with its pose, slopes and weights, prepared for averaging into the volume.
 
     Attributes:
         pose: (4, 4) camera-to-world pose, OpenCV camera axes, metres.
-        intrinsics: (3, 3) pinhole matrix of the depth picture, pixels.
+        lens: (4,) focal lengths and principal point (fx, fy, cx, cy) of the depth picture, pixels.
         depth: (h, w) float32 depth along the camera's z axis, metres; 0 at pixels without depth.
         slope: (h, w) float32 |n . r| of surface normal n and pixel ray r (depth component 1).
         weight: (h, w) float32 inverse variance of the depth, multiplied by the cosine of the angle of incidence, relative to a pixel of
             high confidence at 1 m and normal incidence.
-        colour: (H, W, 3) uint8 sRGB picture, or None.
-        colour_intrinsics: (3, 3) pinhole matrix of `colour`, or None.
+        colour: (H, W, 3) uint8 sRGB picture; without pixels if the frame has no colour.
+        colour_lens: (4,) lens of `colour`.
     """
 
     pose: np.ndarray
-    intrinsics: np.ndarray
-    depth: np.ndarray
-    slope: np.ndarray
-    weight: np.ndarray
-    colour: np.ndarray | None = None
-    colour_intrinsics: np.ndarray | None = None
-
-
-class _Blocks(NamedTuple):
-    """Arrays of B blocks for the compiled functions: block indices (B, 3), and voxel values (B, SIDE, SIDE, SIDE[, 3])."""
-
-    indices: np.ndarray
-    sdf: np.ndarray
-    weight: np.ndarray
-    colour: np.ndarray
-    colour_weight: np.ndarray
-    origin: np.ndarray
-    voxel: float
-    truncation: float
-
-
-class _Camera(NamedTuple):
-    """A view, for the compiled functions: world-to-camera rotation and shift, intrinsics as (fx, fy, cx, cy), and pictures."""
-
-    rotation: np.ndarray
-    shift: np.ndarray
     lens: np.ndarray
     depth: np.ndarray
     slope: np.ndarray
     weight: np.ndarray
-    coloured: bool
     colour: np.ndarray
     colour_lens: np.ndarray
-
-
-class _Field(NamedTuple):
-    """The stored signed distances: a 3D array of block numbers (-1 for a block that is not stored), and the voxel values of all blocks."""
-
-    slot: np.ndarray
-    sdf: np.ndarray
-    weight: np.ndarray
-    origin: np.ndarray
-    voxel: float
 
 
 class Volume:
@@ -107,8 +68,7 @@ class Volume:
 
     def mark(self, view: View) -> None:
         """Mark the blocks within the truncation distance of the surface that the view measured."""
-        lens = np.array(pinhole(view.intrinsics))
-        _mark(view.depth, view.weight, lens, view.pose, self.origin, SIDE * self.voxel_m, self.truncation_m, self._marked)
+        _mark(view.depth, view.weight, view.lens, view.pose, self.origin, SIDE * self.voxel_m, self.truncation_m, self._marked)
 
     def allocate(self) -> None:
         """Allocate memory for the marked blocks, or raise a ScanError if there are more than MAX_BLOCKS."""
@@ -127,15 +87,9 @@ class Volume:
 
         Blocks are independent of each other, so the result does not depend on the number of threads.
         """
-        blocks = _Blocks(self.blocks, self.sdf, self.weight, self.colour, self.colour_weight, self.origin, self.voxel_m, self.truncation_m)
-        colour = view.colour if view.colour is not None else np.zeros((1, 1, 3), np.uint8)
-        colour_lens = pinhole(view.colour_intrinsics) if view.colour_intrinsics is not None else (1.0, 1.0, 0.0, 0.0)
         rotation = view.pose[:3, :3].T.copy()
-        camera = _Camera(
-            rotation, -rotation @ view.pose[:3, 3], np.array(pinhole(view.intrinsics)), view.depth, view.slope, view.weight,
-            view.colour is not None, colour, np.array(colour_lens),
-        )  # fmt: skip
-        shared_out(_integrate, len(self.blocks), blocks, camera)
+        voxels = (self.blocks, self.sdf, self.weight, self.colour, self.colour_weight, self.origin, self.voxel_m, self.truncation_m)
+        shared_out(_integrate, len(self.blocks), voxels, view, rotation, -rotation @ view.pose[:3, 3])
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         """Interpolate the signed distance (N,) in metres at world points (N, 3); NaN unless all eight voxels around the point were
@@ -143,14 +97,8 @@ class Volume:
         """
         points = np.ascontiguousarray(points, dtype=np.float64)
         distances = np.empty(len(points))
-        field = _Field(self.slot, self.sdf, self.weight, self.origin, self.voxel_m)
-        shared_out(_distance, len(points), points, field, distances)
+        shared_out(_distance, len(points), points, self.slot, self.sdf, self.weight, self.origin, self.voxel_m, distances)
         return distances
-
-
-def pinhole(intrinsics: np.ndarray) -> tuple[float, float, float, float]:
-    """Return the pinhole parameters (fx, fy, cx, cy) in pixels of the matrix `intrinsics` (3, 3)."""
-    return float(intrinsics[0, 0]), float(intrinsics[1, 1]), float(intrinsics[0, 2]), float(intrinsics[1, 2])
 
 
 @compiled
@@ -191,9 +139,7 @@ def _in_view(x, y, z, radius, rotation, shift, lens, shape):
 
 @innermost
 def _interpolated(depth, u, v, d):
-    """Return the depth at pixel coordinates (u, v): bilinear between four pixels if they show the same surface, otherwise the nearest
-    pixel's depth d.
-    """
+    """Return the depth at (u, v): bilinear between four pixels that show the same surface, otherwise the depth d of the nearest pixel."""
     m0, n0 = int(np.floor(v)), int(np.floor(u))
     if m0 >= 0 and n0 >= 0 and m0 + 1 < depth.shape[0] and n0 + 1 < depth.shape[1]:
         a, c, e, g = depth[m0, n0], depth[m0, n0 + 1], depth[m0 + 1, n0], depth[m0 + 1, n0 + 1]
@@ -204,10 +150,10 @@ def _interpolated(depth, u, v, d):
 
 
 @compiled
-def _integrate(first, last, blocks, camera):
-    """Average the camera's depth and colour pictures into the voxels of the blocks number `first` to `last`."""
-    indices, sdf, weight, colour, colour_weight, origin, voxel, truncation = blocks
-    rotation, shift, lens, depth, slope, pixel_weight, coloured, picture, picture_lens = camera
+def _integrate(first, last, voxels, view, rotation, shift):
+    """Average the depth and colour of a view, with its world-to-camera pose, into the voxels of the blocks number `first` to `last`."""
+    indices, sdf, weight, colour, colour_weight, origin, voxel, truncation = voxels
+    _, lens, depth, slope, pixel_weight, picture, picture_lens = view
     height, width = depth.shape
     edge = SIDE * voxel
     for b in range(first, last):
@@ -241,7 +187,7 @@ def _integrate(first, last, blocks, camera):
                         continue
                     sdf[b, i, j, k] += w / total * (value - sdf[b, i, j, k])
                     weight[b, i, j, k] = total
-                    if coloured and abs(along) < 2 * voxel:
+                    if abs(along) < 2 * voxel:
                         m = int(np.floor(picture_lens[1] * yc + picture_lens[3] + 0.5))
                         n = int(np.floor(picture_lens[0] * xc + picture_lens[2] + 0.5))
                         if 0 <= m < picture.shape[0] and 0 <= n < picture.shape[1]:
@@ -252,9 +198,8 @@ def _integrate(first, last, blocks, camera):
 
 
 @compiled
-def _distance(first, last, points, field, distances):
+def _distance(first, last, points, slot, sdf, weight, origin, voxel, distances):
     """Write the trilinearly interpolated signed distances of the points number `first` to `last`; NaN beside unobserved voxels."""
-    slot, sdf, weight, origin, voxel = field
     nx, ny, nz = slot.shape
     corner = np.empty((2, 2, 2))
     for p in range(first, last):

@@ -18,7 +18,7 @@ from trimesh.visual.material import PBRMaterial
 
 from radartwin.materials import Layered
 from radartwin.reconstruct.distance import Nearest, spread, to_mesh
-from radartwin.reconstruct.outlines.surfaces import Flattened
+from radartwin.reconstruct.outlines.surfaces import Flat, Flattened
 from radartwin.reconstruct.segmentation.bodies import LEVEL, UPRIGHT
 from radartwin.reconstruct.segmentation.colour import face_rgb
 from radartwin.reconstruct.segmentation.faces import Segment
@@ -48,16 +48,18 @@ def assembled(mesh: trimesh.Trimesh, flattened: Flattened, material: str | Layer
     names = segment_names(mesh, segments)
     surface_of_face = np.full(len(mesh.faces), -1, dtype=np.int32)
     surfaces: list[Surface] = []
-    pieces = _Pieces(mesh, flattened)
+    flats, rgb, error_m = {flat.segment: flat for flat in flattened.flats}, face_rgb(mesh), 0.0
     for members in _objects(segments):
-        made = {k: piece for k in members if (piece := pieces.of(k, alone=len(members) == 1)) is not None}
+        pieces = {k: _piece(mesh, segments[k], flats.get(k), rgb, len(members) == 1) for k in members}
+        error_m = max(error_m, *(error for _, error in pieces.values()))
+        made = {k: piece for k, (piece, _) in pieces.items() if piece is not None}
         if not made:
             continue
         first = segments[members[0]]
         planes = sum(segments[k].normal is not None for k in made)
         facts = _facts(planar=planes == len(made) == 1, planes=planes, segment=members[0])
         facts["area_m2"] = round(sum(segments[k].area_m2 for k in made), 4)
-        facts["filled_m2"] = round(sum(pieces.filled_m2(k) for k in made), 4)
+        facts["filled_m2"] = round(sum((flats[k].filled_m2 for k in made if k in flats), 0.0), 4)
         whole: Any = next(iter(made.values())) if len(made) == 1 else trimesh.util.concatenate(list(made.values()))
         bounds = first.normal is not None and first.body < 0
         surface = Surface(whole, material, names[members[0]], role="room" if bounds else "auto", provenance=facts)
@@ -69,7 +71,7 @@ def assembled(mesh: trimesh.Trimesh, flattened: Flattened, material: str | Layer
         facts = _facts(planar=True, planes=1, segment=-1)
         facts |= {"completed": True, "area_m2": 0.0, "filled_m2": round(flat.filled_m2, 4), "parent": names[flat.parent]}
         surfaces.append(Surface(flat.mesh, material, f"pane_{number}", role="room", provenance=facts))
-    left_out = {"parts_error_m": pieces.error_m, "left_out_m2": round(_missing_m2(mesh, surfaces), 4), "panes": len(panes)}
+    left_out = {"parts_error_m": error_m, "left_out_m2": round(_missing_m2(mesh, surfaces), 4), "panes": len(panes)}
     return surfaces, surface_of_face, {**flattened.statistics, **left_out}
 
 
@@ -82,38 +84,18 @@ def _missing_m2(mesh: trimesh.Trimesh, surfaces: Sequence[Surface]) -> float:
     return float(mesh.area) * float((away > MISSING_M).mean())
 
 
-class _Pieces:
-    """Makes the mesh of each segment: a polygon if the segment is planar, otherwise a simplified part of the scan.
-
-    `error_m` is the largest distance in metres between a simplified mesh and the scan.
-    """
-
-    def __init__(self, mesh: trimesh.Trimesh, flattened: Flattened) -> None:
-        self._mesh, self._segments = mesh, flattened.segments
-        self._flats = {f.segment: f for f in flattened.flats}
-        self._rgb = face_rgb(mesh)
-        self._centre = np.asarray(mesh.triangles_center)
-        self.error_m = 0.0
-
-    def of(self, k: int, alone: bool) -> trimesh.Trimesh | None:
-        """Return the mesh of segment k; None if the segment is omitted.
-
-        `alone` is True if segment k is the only segment of its object. The polygon of a segment that is alone gets a texture.
-        """
-        segment = self._segments[k]
-        at, colours = self._centre[segment.faces], None if self._rgb is None else self._rgb[segment.faces]
-        if segment.normal is not None:
-            flat = self._flats.get(k)
-            if flat is None or colours is None:
-                return None if flat is None else flat.mesh
-            return painted(flat.mesh, flat.grid, at, colours, flat.seen) if alone else coloured(flat.mesh, at, colours)
-        if segment.noise or segment.area_m2 < MIN_PART_M2 or (part := simplified(self._mesh, segment.faces)) is None:
-            return None
-        self.error_m = max(self.error_m, part[1])
-        return part[0] if colours is None else coloured(part[0], at, colours)
-
-    def filled_m2(self, k: int) -> float:
-        return self._flats[k].filled_m2 if k in self._flats else 0.0
+def _piece(
+    mesh: trimesh.Trimesh, segment: Segment, flat: Flat | None, rgb: np.ndarray | None, alone: bool
+) -> tuple[trimesh.Trimesh | None, float]:
+    """Return a segment's polygon, textured if it is alone in its object, or its simplified part of the scan with its error in metres."""
+    at, colours = np.asarray(mesh.triangles_center)[segment.faces], None if rgb is None else rgb[segment.faces]
+    if segment.normal is not None:
+        if flat is None or colours is None:
+            return None if flat is None else flat.mesh, 0.0
+        return painted(flat.mesh, flat.grid, at, colours, flat.seen) if alone else coloured(flat.mesh, at, colours), 0.0
+    if segment.noise or segment.area_m2 < MIN_PART_M2 or (part := simplified(mesh, segment.faces)) is None:
+        return None, 0.0
+    return part[0] if colours is None else coloured(part[0], at, colours), part[1]
 
 
 def _facts(planar: bool, planes: int, segment: int) -> dict[str, Any]:
@@ -180,21 +162,13 @@ def simplified(mesh: trimesh.Trimesh, faces: np.ndarray) -> tuple[trimesh.Trimes
     if area <= 0 or float(np.ptp(points, axis=0).max()) <= 0:
         return None
     target = int(np.clip(area / FACE_M2, MIN_FACES, MAX_FACES))
+    smooth = _smoothed(piece) if target < len(index) else points
     best, error = piece, 0.0
-    if len(index) > target:
-        smooth = _smoothed(piece)
-        for _ in range(TRIES):
-            if target >= len(index):
-                best, error = piece, 0.0
-                break
-            best, error = _decimated(smooth, index, target, points)
-            if error <= ERROR_M:
-                break
-            target *= 2
-    corners = np.asarray(best.triangles)
-    sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
-    thin = 2 * np.asarray(best.area_faces) < 1e-6 * np.maximum(sides.max(axis=1), 1e-12)
-    best.update_faces(~thin)
+    for goal in (target * 2**k for k in range(TRIES)):
+        best, error = _decimated(smooth, index, goal, points) if goal < len(index) else (piece, 0.0)
+        if error <= ERROR_M:
+            break
+    best.update_faces(best.nondegenerate_faces(height=1e-6))
     best.remove_unreferenced_vertices()
     return (best, error) if len(best.faces) else None
 

@@ -74,6 +74,7 @@ def complete(grid: Grid, mask: np.ndarray, points: np.ndarray, frame: np.ndarray
     def between(low: float, high: float) -> np.ndarray:
         return masks.closed(grid.counts(points[(depth > low) & (depth < high)]) > 0, 0.05 / grid.cell_m)
 
+    known = sight is not None and sight.cameras is not None
     behind = between(-3.0, -BEHIND_M)
     before = between(BEFORE_M, STANDS_M if grid.normal[2] > 0.9 else HIDES_M)
     close = between(BEFORE_M, CLOSE_M)
@@ -81,17 +82,13 @@ def complete(grid: Grid, mask: np.ndarray, points: np.ndarray, frame: np.ndarray
         area = grid.area(gap)
         enclosed = bool((gap & holes).any())
         hidden = bool(before[gap].mean() > HIDDEN_SHARE)
-        framed = sight is not None and _fills_rectangle(gap) and _framed(gap, mask)
-        door = framed and sight is not None and sight.cameras is None and not (enclosed or hidden)
+        rectangular = sight is not None and _fills_rectangle(gap)
+        framed = rectangular and _framed(gap, mask)
+        door = framed and not (known or enclosed or hidden)
         if area >= SMALL_M2 and (door or behind[gap].mean() > OPEN_SHARE):
             opened += area
             continue
-        pane = (
-            sight is not None
-            and PANE_M2[0] <= area <= PANE_M2[1]
-            and _fills_rectangle(gap)
-            and (enclosed or (sight.cameras is not None and framed))
-        )
+        pane = rectangular and PANE_M2[0] <= area <= PANE_M2[1] and (enclosed or (known and framed))
         if pane and close[gap].mean() <= HIDDEN_SHARE and sight is not None and _visible(grid, gap, mask, sight):
             panes.append(gap)
         elif enclosed or area < SMALL_M2 or hidden or not _walled_off(gap, mask, before):
@@ -138,19 +135,13 @@ def within(grid: Grid, mask: np.ndarray, walls: Sequence[tuple[np.ndarray, float
 
 
 def _walled_off(gap: np.ndarray, mask: np.ndarray, before: np.ndarray) -> bool:
-    """Return whether objects stand along the border between a gap and the plane, such as the inner walls of a room
-    that is not rectangular.
-    """
+    """Return whether objects stand along the border of gap and plane, such as the inner walls of a room that is not rectangular."""
     border = masks.dilated(gap, 2) & mask
     return bool(border.any() and masks.dilated(before, 4)[border].mean() > 0.6)
 
 
 def _visible(grid: Grid, gap: np.ndarray, mask: np.ndarray, sight: Sight) -> bool:
-    """Return whether enough viewpoints see most of a gap.
-
-    The required number is VIEWPOINTS, or less if the scan has few viewpoints. It never exceeds half of the number of viewpoints that see
-    the plane beside the gap.
-    """
+    """Return whether at least VIEWPOINTS, or half of those that see the plane beside the gap if fewer, see most of the gap."""
 
     def seen(where: np.ndarray) -> np.ndarray:
         cells = np.argwhere(where)
@@ -165,11 +156,7 @@ def _visible(grid: Grid, gap: np.ndarray, mask: np.ndarray, sight: Sight) -> boo
 
 
 def _split(gap: np.ndarray, mask: np.ndarray, grid: Grid) -> list[np.ndarray]:
-    """Separate a window from an adjacent hidden part of the wall.
-
-    Returns:
-        A mask of the largest rectangle in the gap and one mask of each remaining part, or a single mask of the whole gap.
-    """
+    """Separate a window, the largest rectangle in the gap, from adjacent hidden parts of the wall; return their masks or the whole gap."""
     if _fills_rectangle(gap):
         return [gap]
     frame = np.zeros_like(gap)

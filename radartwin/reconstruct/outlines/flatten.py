@@ -58,9 +58,7 @@ def _main_direction(segments: Sequence[Segment]) -> float:
 
 
 def _nearest_regular(normal: np.ndarray, main: float) -> np.ndarray | None:
-    """Return the regular direction (level, upright, or along the main direction) nearest to a normal; None if it
-    is more than NEARLY away.
-    """
+    """Return the level, upright or main direction nearest to a normal; None if it is more than NEARLY away."""
     if abs(normal[2]) > np.cos(NEARLY):
         return np.array([0.0, 0.0, np.sign(normal[2])])
     if abs(normal[2]) > np.sin(NEARLY):

@@ -160,11 +160,7 @@ def _traced(grid: Grid, mask: np.ndarray) -> BaseGeometry:
 
 
 def _on_cut(grid: Grid, mask: np.ndarray, cut: Cut) -> list[_Stretch]:
-    """Return the stretches of an intersection line on which the cells of a mask end.
-
-    The cells end on the line where they cover one side of it, and the other side at most in part. Where they cover both sides, the plane
-    continues beyond its neighbour.
-    """
+    """Return the stretches of a line on which the cells of a mask end: they cover one side of it, and the other side at most in part."""
     c, n = grid.cell_m, REACH_CELLS
     across = np.array([-cut.along[1], cut.along[0]])
     frame = grid.low + c * np.array([[0, 0], [0, 1], [1, 0], [1, 1]]) * grid.shape

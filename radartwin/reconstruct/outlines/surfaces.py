@@ -104,39 +104,32 @@ def flattened(
         if contact.length_m >= SEAM_M:
             touching[contact.first][contact.second] = touching[contact.second][contact.first] = contact.places
     groups = _groups(faces, segments, touching)
-    out = Flattened([], list(segments), {})
-    offsets: list[dict[int, float]] = []
-    for group in groups:
-        root = segments[group[0]]
-        assert root.normal is not None
-        offsets.append({k: _offset_from(faces, segments[k], root) for k in group})
-        for k, offset in offsets[-1].items():
-            out.segments[k] = replace(segments[k], normal=root.normal, offset_m=root.offset_m + offset)
+    moved, lifts = list(segments), {}
+    for root, k in ((segments[group[0]], k) for group in groups for k in group):
+        lifts[k] = _offset_from(faces, segments[k], root)
+        moved[k] = replace(segments[k], normal=root.normal, offset_m=root.offset_m + lifts[k])
     borders = border_points(mesh, owners(faces, segments))
-    room = _Room(faces, out.segments, bounds, touching, main_rad, points, Sight.of(points, cameras), borders)
+    room = _Room(faces, moved, bounds, touching, main_rad, points, Sight.of(points, cameras), borders)
     outlined: dict[int, tuple[list[Flat], Completed]] = {}
     # Large planes take longest. In random order, the time of the first planes is a fair estimate for the others.
     for number in over(np.random.default_rng(0).permutation(len(groups)).tolist()):
         outlined[number] = _outlined(room, groups[number])
-        for flat in outlined[number][0]:
-            if lift := offsets[number].get(flat.segment, 0.0):
-                flat.mesh.apply_translation(lift * np.asarray(flat.grid.normal))
-    out.flats.extend(flat for number in sorted(outlined) for flat in outlined[number][0])
+    flats = [flat for number in sorted(outlined) for flat in outlined[number][0]]
+    for flat in flats:
+        if lift := lifts.get(flat.segment, 0.0):
+            flat.mesh.apply_translation(lift * np.asarray(flat.grid.normal))
     areas = {name: sum(getattr(done, name) for _, done in outlined.values()) for name in ("filled_m2", "open_m2", "closed_m2")}
-    _weld(out.flats)
-    planar = [s for s in out.segments if s.normal is not None]
-    moved = np.concatenate([np.zeros(1), *(faces.centre[s.faces] @ s.normal - s.offset_m for s in planar)])
-    rms_m, max_m = float(np.sqrt(np.mean(moved**2))), float(np.abs(moved).max())
-    out.statistics.update({"flattening_rms_m": rms_m, "flattening_max_m": max_m, **areas})
-    return out
+    _weld(flats)
+    away = np.concatenate([np.zeros(1), *(faces.centre[s.faces] @ s.normal - s.offset_m for s in moved if s.normal is not None)])
+    rms_m, max_m = float(np.sqrt(np.mean(away**2))), float(np.abs(away).max())
+    return Flattened(flats, moved, {"flattening_rms_m": rms_m, "flattening_max_m": max_m, **areas})
 
 
 def border_points(mesh: trimesh.Trimesh, label: np.ndarray) -> list[np.ndarray]:
     """Return points (N, 3) on the borders of each part of a mesh. `label` (F,) is the number of the part of each face, or -1."""
-    faces, vertices = np.asarray(mesh.faces), np.asarray(mesh.vertices)
-    pair, shared = np.asarray(mesh.face_adjacency).reshape(-1, 2), np.sort(np.asarray(mesh.face_adjacency_edges).reshape(-1, 2), axis=1)
+    vertices, edges = np.asarray(mesh.vertices), np.asarray(mesh.edges_sorted, dtype=np.int64)
+    pair, shared = np.asarray(mesh.face_adjacency).reshape(-1, 2), np.asarray(mesh.face_adjacency_edges, dtype=np.int64).reshape(-1, 2)
     inner = shared[label[pair[:, 0]] == label[pair[:, 1]]] @ [len(vertices), 1]
-    edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2), axis=2).reshape(-1, 2)
     at_border = (np.repeat(label, 3) >= 0) & ~np.isin(edges @ [len(vertices), 1], inner)
     start, end = vertices[edges[at_border]].transpose(1, 0, 2)
     count = np.ceil(np.linalg.norm(end - start, axis=1) / CELL_M).astype(int)
@@ -160,22 +153,16 @@ def _weld(flats: Sequence[Flat]) -> None:
 
 
 def _groups(faces: Faces, segments: Sequence[Segment], touching: Sequence[dict[int, np.ndarray]]) -> list[list[int]]:
-    """Group each planar segment with the smaller segments that touch it and lie in its plane.
-
-    The largest segment of a group comes first.
-    """
+    """Group each planar segment with the smaller segments that touch it and lie in its plane, the largest first."""
     order = sorted((k for k, s in enumerate(segments) if s.normal is not None), key=lambda k: -segments[k].area_m2)
     taken: set[int] = set()
     groups = []
     for k in order:
         if k in taken:
             continue
-        members = [k]
-        for j in sorted(touching[k], key=lambda j: -segments[j].area_m2):
-            if j not in taken and _in_plane_of(faces, segments[j], segments[k]):
-                members.append(j)
-        taken.update(members)
-        groups.append(members)
+        near = sorted(touching[k], key=lambda j: -segments[j].area_m2)
+        groups.append([k, *(j for j in near if j not in taken and _in_plane_of(faces, segments[j], segments[k]))])
+        taken.update(groups[-1])
     return groups
 
 
@@ -195,10 +182,7 @@ def _offset_from(faces: Faces, segment: Segment, root: Segment) -> float:
 
 
 def _outlined(room: _Room, group: list[int]) -> tuple[list[Flat], Completed]:
-    """Outline a group of coplanar segments.
-
-    Return the polygons of the group, and how its gaps were completed.
-    """
+    """Outline a group of coplanar segments. Return the polygons of the group, and how its gaps were completed."""
     root = room.segments[group[0]]
     assert root.normal is not None
     limits = bool(room.bounds[group[0]])

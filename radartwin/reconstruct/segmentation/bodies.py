@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.cluster.hierarchy import DisjointSet
 from scipy.spatial import KDTree
 
 from radartwin.reconstruct.segmentation.faces import Faces, Segment, members, thinned
@@ -63,36 +64,23 @@ def with_bodies(faces: Faces, segments: Sequence[Segment], lab: np.ndarray | Non
     `lab` (F, 3) are the weighted L*a*b* colours of the faces; with None, colour is not compared.
     """
     bounds = room_bounds(faces, segments)
-    colour = None
-    if lab is not None:
-        colour = np.array([np.average(lab[s.faces], axis=0, weights=faces.area[s.faces]) for s in segments])
+    colour = None if lab is None else np.array([np.average(lab[s.faces], axis=0, weights=faces.area[s.faces]) for s in segments])
+    # area and mean colour of each body, at the number of one of its segments
     area = np.array([s.area_m2 for s in segments])
-    body_colour = np.zeros((len(segments), 3)) if colour is None else colour.copy()  # index: number of the first segment of each body
-    root = np.arange(len(segments))
-
-    def find(k: int) -> int:
-        while root[k] != k:
-            k = root[k]
-        return k
-
+    mean = np.zeros((len(segments), 3)) if colour is None else colour.copy()
+    bodies = DisjointSet(range(len(segments)))
     for i, j, length, convex, _ in contacts(faces, segments):
-        if bounds[i] or bounds[j] or length < CONTACT_M:
+        # without colours, parts such as legs and handles stay separate, because nothing shows to which object they belong
+        if bounds[i] or bounds[j] or length < CONTACT_M or (colour is None and not convex):
             continue
-        a, b = find(i), find(j)
-        if a == b:
-            continue
-        difference = 0.0 if colour is None else float(np.linalg.norm(colour[i] - colour[j]))
-        if not convex and colour is None:
-            continue  # without colours, parts such as legs and handles stay separate, because nothing shows to which object they belong
+        a, b = bodies[i], bodies[j]
         limit = SIMILAR if convex else SAME
         # The mean colours of two bodies must also agree, so that a chain of similar segments cannot join two objects.
-        if difference < limit and (colour is None or float(np.linalg.norm(body_colour[a] - body_colour[b])) < limit):
-            root[b] = a
-            body_colour[a] = (area[a] * body_colour[a] + area[b] * body_colour[b]) / (area[a] + area[b])
-            area[a] += area[b]
-    roots = np.array([find(k) for k in range(len(segments))])
-    _, number = np.unique(roots, return_inverse=True)
-    return [replace(s, body=-1 if bounds[k] else int(number[k])) for k, s in enumerate(segments)]
+        alike = colour is None or max(np.linalg.norm(colour[i] - colour[j]), np.linalg.norm(mean[a] - mean[b])) < limit
+        if alike and bodies.merge(i, j):
+            mean[bodies[i]] = (area[a] * mean[a] + area[b] * mean[b]) / (area[a] + area[b])
+            area[bodies[i]] = area[a] + area[b]
+    return [replace(s, body=-1 if bounds[k] else int(bodies[k])) for k, s in enumerate(segments)]
 
 
 class Contact(NamedTuple):

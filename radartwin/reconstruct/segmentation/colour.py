@@ -80,10 +80,7 @@ def _divide(label: np.ndarray, picture: np.ndarray, cell: float) -> None:
 
 
 def _pieces_of(region: np.ndarray, picture: np.ndarray, cell: float, min_step: float) -> list[tuple[np.ndarray, float]]:
-    """Find pieces whose colour differs from the rest of a region by at least `min_step`. Return each piece's mask with its colour step.
-
-    If two pieces overlap, only the piece with the sharper edge is returned.
-    """
+    """Return masks and colour steps of pieces that differ by at least `min_step` from the rest of a region; of overlaps, the sharpest."""
     if region.sum() * cell**2 < 2 * AREA_M2:
         return []
     ranked = []
@@ -103,10 +100,8 @@ def _pieces_of(region: np.ndarray, picture: np.ndarray, cell: float, min_step: f
 
 def _between_edges(region: np.ndarray, picture: np.ndarray, cell: float) -> list[np.ndarray]:
     """Return masks of candidate pieces: areas that colour edges separate from the largest area without edges."""
-    strength = np.zeros(region.shape)
-    for axis in range(2):
-        step = np.linalg.norm(np.roll(picture, -1, axis) - np.roll(picture, 1, axis), axis=-1)
-        strength = np.maximum(strength, step)
+    steps = [np.linalg.norm(np.roll(picture, -1, axis) - np.roll(picture, 1, axis), axis=-1) for axis in range(2)]
+    strength = np.maximum(*steps)
     even = masks.pieces(masks.opened(region & (strength < EDGE * STEP), 1))
     if not even:
         return []
@@ -127,9 +122,7 @@ def _of_two_colours(region: np.ndarray, picture: np.ndarray, cell: float) -> lis
 
 
 def _refined(piece: np.ndarray, region: np.ndarray, picture: np.ndarray, cell: float, min_step: float) -> np.ndarray:
-    """Return the mask of a piece after its border moved to the colour edge; the mask is empty if the colours differ by less than
-    `min_step`.
-    """
+    """Return the mask of a piece with its border at the colour edge; empty if the colours differ by less than `min_step`."""
     none = np.zeros_like(piece)
     rest = region & ~piece
     if piece.sum() * cell**2 < AREA_M2 or not rest.any():
@@ -171,13 +164,9 @@ def face_colours(mesh: trimesh.Trimesh) -> np.ndarray | None:
 
 
 def face_rgb(mesh: trimesh.Trimesh) -> np.ndarray | None:
-    """Return the sRGB colour (F, 3), 0..255, of every face; None for a mesh without vertex or face colours."""
+    """Return the sRGB colour (F, 3), 0..255, of every face; None for a mesh without vertex colours, which every coloured scan has."""
     visual: Any = mesh.visual
-    if visual.kind == "vertex":
-        return np.asarray(visual.vertex_colors)[:, :3][np.asarray(mesh.faces)].mean(axis=1)
-    if visual.kind == "face":
-        return np.asarray(visual.face_colors)[:, :3].astype(float)
-    return None
+    return np.asarray(visual.vertex_colors)[:, :3][np.asarray(mesh.faces)].mean(axis=1) if visual.kind == "vertex" else None
 
 
 def _two_means(values: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ CELL_M = 0.05
 BEHIND_M = 0.06  # points count as behind the plane beyond this depth, which exceeds the noise
 CONTRADICTED = 0.2  # two pieces stay separate if at least this fraction of the cells of the gap has points behind the plane
 ANGLE_DEG = 6.0  # largest angle between the planes of two joined pieces
-OFFSET_M = 0.03  # largest distance of the centre of each piece from the common plane
+OFFSET_M = 0.03  # largest mean distance of the faces of each piece from the common plane
 # largest gap between joined pieces, in metres and in multiples of the smaller piece's side (square root of its area)
 GAP_M, GAP_SIZES = 3.0, 2.0
 NEAR_M = 0.15  # coplanar pieces with a smaller gap are always joined
@@ -42,7 +42,9 @@ def merge(faces: Faces, label: np.ndarray) -> np.ndarray:
             if joined[i] != i or joined[j] != j or pair in refused:
                 continue
             gap_m = min(GAP_M, GAP_SIZES * area[j] ** 0.5)
-            if _coplanar(faces, groups[i], groups[j]) and _one_surface(faces, groups[i], groups[j], (normal[i], offset[i]), gap_m, places):
+            fitted, at = faces.plane(np.concatenate([groups[i], groups[j]]))  # a common plane
+            away = [np.average(np.abs(faces.centre[g] @ fitted - at), weights=faces.area[g]) for g in (groups[i], groups[j])]
+            if max(away) < OFFSET_M and _one_surface(faces, groups[i], groups[j], (normal[i], offset[i]), gap_m, places):
                 joined[j] = i
             else:
                 refused.add(pair)
@@ -55,10 +57,7 @@ def merge(faces: Faces, label: np.ndarray) -> np.ndarray:
 
 
 def _pairs(normal: np.ndarray, offset: np.ndarray, centre: np.ndarray, area: np.ndarray, bounds: np.ndarray) -> list[tuple[int, int]]:
-    """Return index pairs (larger piece, smaller piece) of nearly parallel pieces whose centres lie near each other's planes.
-
-    Pieces whose bounding boxes, `bounds` (P, 2, 3), are too far apart are left out. The pairs are sorted by area, largest first.
-    """
+    """Return index pairs (larger, smaller piece) of nearly coplanar pieces with near bounding boxes (P, 2, 3), largest first."""
     if len(normal) < 2:
         return []
     away = np.abs(centre @ normal.T - offset)  # entry [i, j]: distance of the centre of piece i from the plane of piece j
@@ -75,22 +74,10 @@ def _pairs(normal: np.ndarray, offset: np.ndarray, centre: np.ndarray, area: np.
     return [(int(a), int(b)) for a, b in zip(i[order], j[order], strict=True)]
 
 
-def _coplanar(faces: Faces, first: np.ndarray, second: np.ndarray) -> bool:
-    """Return whether a common plane fits the faces of both pieces."""
-    normal, offset = faces.plane(np.concatenate([first, second]))
-    return all(
-        abs(np.average(faces.centre[g] @ normal - offset, weights=faces.area[g])) < OFFSET_M
-        and np.average(np.abs(faces.centre[g] @ normal - offset), weights=faces.area[g]) < OFFSET_M
-        for g in (first, second)
-    )
-
-
 def _one_surface(
     faces: Faces, first: np.ndarray, second: np.ndarray, plane: tuple[np.ndarray, float], gap_m: float, places: np.ndarray
 ) -> bool:
-    """Return whether two pieces are the same surface: their gap is at most `gap_m`, and few cells of the gap have points behind the
-    plane. `places` (N, 3) are points of the whole scan.
-    """
+    """Return whether the gap of two pieces is at most `gap_m`, with few cells that have scan points `places` (N, 3) behind the plane."""
     normal, offset = plane
     grid = Grid.around(np.vstack([faces.centre[first], faces.centre[second]]), normal, offset, CELL_M)
     of_a, of_b = (grid.counts(faces.centre[piece]) > 0 for piece in (first, second))

@@ -68,13 +68,9 @@ class Faces:
         """Points (N, 3) that cover the faces and their borders, however large a face is, and the face index (N,) of each point."""
         return covered(self.corners, SAMPLE_M)
 
-    def distance(self, which: np.ndarray, normal: np.ndarray, offset: np.ndarray | float) -> np.ndarray:
-        """Return the distance (K,) in metres of the farthest corner of each of K faces from a plane.
-
-        The plane is common to all faces, or differs per face if `normal` is (K, 3).
-        """
-        height = np.einsum("kci,i->kc" if normal.ndim == 1 else "kci,ki->kc", self.corners[which], normal)
-        return np.abs(height - np.reshape(offset, (-1, 1))).max(axis=1, initial=0.0)
+    def distance(self, which: np.ndarray, normal: np.ndarray, offset: np.ndarray) -> np.ndarray:
+        """Return the distance (K,) in metres of the farthest corner of each of K faces from its plane, `normal` (K, 3), `offset` (K,)."""
+        return np.abs(np.einsum("kci,ki->kc", self.corners[which], normal) - offset[:, None]).max(axis=1)
 
     def plane(self, which: np.ndarray) -> tuple[np.ndarray, float]:
         """Fit an area-weighted least-squares plane (unit normal, offset in metres) to the faces `which`.

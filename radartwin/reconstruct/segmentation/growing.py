@@ -7,8 +7,6 @@ plane of the region. The plane is refitted as the region grows.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from radartwin.compiled import compiled
@@ -17,22 +15,10 @@ from radartwin.reconstruct.segmentation.faces import MIN_FITTED, Faces
 REFIT = 1.2  # the plane of a region is refitted each time the number of faces in the region has grown by this factor
 
 
-class _Mesh(NamedTuple):
-    """Arrays of F faces for the compiled functions: neighbours in compressed sparse rows, centres (F, 3) or corners (F, 3, 3), normals,
-    areas.
-    """
-
-    start: np.ndarray
-    neighbour: np.ndarray
-    places: np.ndarray
-    normal: np.ndarray
-    area: np.ndarray
-
-
 def grow(faces: Faces, angle_deg: float, distance_m: float, min_area_m2: float) -> np.ndarray:
     """Grow planes over the faces. Return the plane number (F,) of every face; -1 if the face belongs to no plane."""
     label = np.full(len(faces.area), -1)
-    mesh = _Mesh(faces.adjacency.indptr, faces.adjacency.indices, faces.centre, faces.normal, faces.area)
+    mesh = (faces.adjacency.indptr, faces.adjacency.indices, faces.centre, faces.normal, faces.area)
     order = np.argsort(-faces.coherence, kind="stable")
     _grow(mesh, order, np.cos(np.radians(angle_deg)), distance_m, min_area_m2, label)
     return label
@@ -45,53 +31,40 @@ def absorb(faces: Faces, label: np.ndarray, angle_deg: float, distance_m: float)
     """
     normal, offset = faces.planes(label)
     if len(normal):
-        mesh = _Mesh(faces.adjacency.indptr, faces.adjacency.indices, faces.corners, faces.normal, faces.area)
+        mesh = (faces.adjacency.indptr, faces.adjacency.indices, faces.corners, faces.normal)
         _absorb(mesh, normal, offset, np.cos(np.radians(angle_deg)), distance_m, label)
 
 
 @compiled
 def _plane(count, sums, normal):
-    """Return the plane (nx, ny, nz, d) from sums over its faces: [w, wc (3), wcc (xx xy xz yy yz zz), wn (3)].
-
-    In these sums, w is the area of a face, c its centre and n its normal.
-    """
-    w = sums[0]
-    cx, cy, cz = sums[1] / w, sums[2] / w, sums[3] / w
-    normal[0], normal[1], normal[2] = sums[10], sums[11], sums[12]
+    """Return the plane (nx, ny, nz, d) of the sums of w, w c (3), w c c (xx xy xz yy yz zz), w n (3) over areas w, centres c, normals n."""
+    w, centre, spread, at = sums[0], sums[1:4] / sums[0], np.empty((3, 3)), 4
+    normal[:] = sums[10:]
     if count >= MIN_FITTED:
-        spread = np.empty((3, 3))
-        spread[0, 0] = sums[4] / w - cx * cx
-        spread[1, 1] = sums[7] / w - cy * cy
-        spread[2, 2] = sums[9] / w - cz * cz
-        spread[0, 1] = spread[1, 0] = sums[5] / w - cx * cy
-        spread[0, 2] = spread[2, 0] = sums[6] / w - cx * cz
-        spread[1, 2] = spread[2, 1] = sums[8] / w - cy * cz
+        for i in range(3):
+            for j in range(i, 3):
+                spread[i, j] = spread[j, i] = sums[at] / w - centre[i] * centre[j]
+                at += 1
         vectors = np.linalg.eigh(spread)[1]
         side = vectors[0, 0] * sums[10] + vectors[1, 0] * sums[11] + vectors[2, 0] * sums[12]
         sign = 1.0 if side > 0 else -1.0
-        for k in range(3):
-            normal[k] = sign * vectors[k, 0]
+        normal[:] = sign * vectors[:, 0]
     length = np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
-    for k in range(3):
-        normal[k] /= max(length, 1e-300)
-    return normal[0] * cx + normal[1] * cy + normal[2] * cz
+    normal /= max(length, 1e-300)
+    return normal[0] * centre[0] + normal[1] * centre[1] + normal[2] * centre[2]
 
 
 @compiled
 def _add(sums, w, c, n):
     """Add a face of area `w`, centre `c` and normal `n` to the sums from which `_plane` computes a plane."""
     sums[0] += w
-    sums[1] += w * c[0]
-    sums[2] += w * c[1]
-    sums[3] += w * c[2]
-    sums[4] += w * c[0] * c[0]
-    sums[5] += w * c[0] * c[1]
-    sums[6] += w * c[0] * c[2]
-    sums[7] += w * c[1] * c[1]
-    sums[8] += w * c[1] * c[2]
-    sums[9] += w * c[2] * c[2]
-    for k in range(3):
-        sums[10 + k] += w * n[k]
+    at = 4
+    for i in range(3):
+        sums[1 + i] += w * c[i]
+        sums[10 + i] += w * n[i]
+        for j in range(i, 3):
+            sums[at] += w * c[i] * c[j]
+            at += 1
 
 
 @compiled
@@ -104,7 +77,7 @@ def _fits(c, n, normal, offset, min_cosine, distance):
 @compiled
 def _grow(mesh, order, min_cosine, distance, min_area, label):
     """Grow a plane from each face in `order`, and write the plane number to `label` (F,) if the plane has at least the area `min_area`."""
-    start, neighbour, centre, normals, area = mesh
+    start, neighbour, centre, normals, area = mesh  # neighbours in compressed sparse rows
     faces = len(area)
     tried = np.zeros(faces, np.bool_)
     mark = np.full(faces, -1)  # for each face, the last seed whose region contained the face
@@ -156,11 +129,8 @@ def _grow(mesh, order, min_cosine, distance, min_area, label):
 
 @compiled
 def _absorb(mesh, normal, offset, min_cosine, distance, label):
-    """Give each face without a plane the plane number of a neighbour face whose plane fits all corners of the face.
-
-    The planes are given by `normal` (P, 3) and `offset` (P,).
-    """
-    start, neighbour, corners, normals, _ = mesh
+    """Give each face without a plane the number of a neighbour's plane, `normal` (P, 3) and `offset` (P,), that fits all its corners."""
+    start, neighbour, corners, normals = mesh  # neighbours in compressed sparse rows
     faces = len(label)
     queue = np.empty(faces, np.int64)
     tail = 0

@@ -60,10 +60,7 @@ def _cut(faces: Faces, label: np.ndarray, lab: np.ndarray) -> np.ndarray:
 
 
 def _parts(faces: Faces, remaining: np.ndarray) -> tuple[list[Segment], list[Segment]]:
-    """Divide the faces `remaining`, which belong to no plane, into connected parts, largest first.
-
-    The second returned list contains a segment of all small fragments, or is empty if there are no fragments.
-    """
+    """Divide the faces that belong to no plane into connected parts, largest first, and a list of at most one segment of all fragments."""
     if remaining.size == 0:
         return [], []
     count, part = connected_components(faces.adjacency[remaining][:, remaining], directed=False)
@@ -81,11 +78,7 @@ def plane_segment(faces: Faces, which: np.ndarray) -> Segment:
 
 
 def _settle(faces: Faces, label: np.ndarray) -> None:
-    """Move faces at the common edge of two planes to the plane that is nearer to the corners of the face.
-
-    Smoothed normals blur an edge over one or two faces on either side. The function changes the plane number of each face in `label` (F,)
-    in place, starting at the edge.
-    """
+    """Move faces at the common edge of two planes to the plane nearer to their corners, because smoothed normals blur the edge."""
     normal, offset = faces.planes(label)
     coo = faces.adjacency.tocoo()
     for _ in range(2 * faces.rounds):

@@ -147,12 +147,7 @@ def _anchor(surfaces: Sequence[Surface], middle: np.ndarray) -> Anchor:
 
 
 def _front(surfaces: Sequence[Surface], points: np.ndarray, middle: np.ndarray) -> np.ndarray:
-    """Return the horizontal unit vector (2,) normal to the front side of an anchor, outwards. An anchor is the thing relative to which an
-    object is placed.
-
-    For a flat, upright anchor, the vector is the normal that points into the room. For furniture, the vector is the normal of a side of the
-    smallest enclosing rectangle, namely the side that faces the middle of the room best.
-    """
+    """Return the horizontal unit vector (2,) out of an anchor's front side: into the room, or for furniture towards its middle."""
     from scipy.spatial import QhullError
 
     centre = (points.min(axis=0) + points.max(axis=0)) / 2
@@ -160,11 +155,12 @@ def _front(surfaces: Sequence[Surface], points: np.ndarray, middle: np.ndarray) 
     normals = np.vstack([s.mesh.face_normals for s in surfaces])
     mean = (normals * areas[:, None]).sum(axis=0)[:2] / areas.sum()
     inward = middle - centre
-    if np.linalg.norm(mean) > FACING:
+    if np.linalg.norm(mean) > FACING:  # flat and upright
         mean = mean / np.linalg.norm(mean)
         return mean if mean @ inward >= 0 else -mean
     try:
         axes = trimesh.bounds.oriented_bounds_2D(points)[0][:2, :2]
     except (QhullError, ValueError):  # all points lie on a line, as for a wall seen from above
         axes = np.eye(2)
+    # the side of the smallest enclosing rectangle that faces the middle of the room best
     return max(np.vstack([axes, -axes]), key=lambda side: (round(float(side @ inward), 6), *side.round(6)))

@@ -55,55 +55,34 @@ RELATIONS = ("in front of", "behind", "left of", "right of", "beside", "under")
 SENSOR_NAMES = ("sensor", "radar")
 
 _NUMBER = {"type": "number", "minimum": -100, "maximum": 100}
-SCHEMA: dict[str, Any] = {
-    "type": "object",
-    "additionalProperties": False,
-    "required": ["objects"],
-    "properties": {
-        "objects": {
-            "type": "array",
-            "minItems": 1,
-            "items": {
-                "type": "object",
-                "additionalProperties": False,
-                "required": ["object"],
-                "properties": {
-                    "object": {"type": "string", "minLength": 1},
-                    "name": {"type": ["string", "null"]},
-                    "on": {"type": ["string", "null"]},
-                    "position_m": {"type": ["array", "null"], "items": _NUMBER, "minItems": 2, "maxItems": 3},
-                    "relations": {
-                        "type": ["array", "null"],
-                        "items": {
-                            "type": "object",
-                            "additionalProperties": False,
-                            "required": ["relation", "anchor"],
-                            "properties": {
-                                "relation": {"enum": list(RELATIONS)},
-                                "anchor": {"type": "string", "minLength": 1},
-                                "distance_m": {"type": ["number", "null"], "minimum": 0, "maximum": 100},
-                            },
-                        },
-                    },
-                    "yaw_deg": {"type": ["number", "null"]},
-                    "held": {"type": ["boolean", "null"]},
-                },
-            },
-        }
-    },
-}
+
+
+def _object(required: list[str], **properties: Any) -> dict[str, Any]:
+    return {"type": "object", "additionalProperties": False, "required": required, "properties": properties}
+
+
+_RELATION = _object(
+    ["relation", "anchor"],
+    relation={"enum": list(RELATIONS)},
+    anchor={"type": "string", "minLength": 1},
+    distance_m={"type": ["number", "null"], "minimum": 0, "maximum": 100},
+)
+_ITEM = _object(
+    ["object"],
+    object={"type": "string", "minLength": 1},
+    name={"type": ["string", "null"]},
+    on={"type": ["string", "null"]},
+    position_m={"type": ["array", "null"], "items": _NUMBER, "minItems": 2, "maxItems": 3},
+    relations={"type": ["array", "null"], "items": _RELATION},
+    yaw_deg={"type": ["number", "null"]},
+    held={"type": ["boolean", "null"]},
+)
+SCHEMA = _object(["objects"], objects={"type": "array", "minItems": 1, "items": _ITEM})
 
 FILE_SCHEMA = copy.deepcopy(SCHEMA)  # schema of a layout file, in which an object may also be a mesh file
+_STACK = _object(["layers"], layers={"type": "array", "items": {"type": "array", "minItems": 2, "maxItems": 2}}, backing={"type": "string"})
 FILE_SCHEMA["properties"]["objects"]["items"]["properties"] |= {
-    "material": {
-        "type": ["string", "null", "object"],
-        "additionalProperties": False,
-        "required": ["layers"],
-        "properties": {
-            "layers": {"type": "array", "items": {"type": "array", "minItems": 2, "maxItems": 2}},
-            "backing": {"type": "string"},
-        },
-    },
+    "material": _STACK | {"type": ["string", "null", "object"]},
     "unit": {"enum": [*METRES, None]},
     "up": {"enum": [*TO_Z_UP, None]},
 }

@@ -111,10 +111,7 @@ def _free_name(item: Item, scene: Scene) -> str:
 
 
 def _at_height(item: Item, body: Body, scene: Scene, name: str) -> tuple[np.ndarray, str]:
-    """Return the pose of an object whose x, y and height are given, and the name of the surface below it.
-
-    The name is empty for an object with `held: true`, which may float, and in a scene without a room.
-    """
+    """Return the pose of an object of given x, y and height, and the name of the surface below it; empty if held or without a room."""
     assert item.position_m is not None
     x, y, z = item.position_m
     lift = pose([x, y, z - body.base[:, 2].min()])
@@ -133,10 +130,7 @@ def _at_height(item: Item, body: Body, scene: Scene, name: str) -> tuple[np.ndar
 
 
 def _standing(body: Body, at: np.ndarray, support: Surface, scene: Scene, name: str, limit_m: float = np.inf) -> np.ndarray:
-    """Return the pose of an object that stands at (x, y) on a supporting surface.
-
-    The object stands upright on the highest point of the supporting surface and of flat covers on this surface, such as rugs.
-    """
+    """Return the pose of an object that stands upright on the highest point of its support, and of flat covers on it, such as rugs."""
     heights = top_below(support.mesh, body.base[:, :2] + at, limit_m)
     if not np.isfinite(heights).any():
         raise LayoutError(f"'{name}' at ({at[0]:.3g}, {at[1]:.3g}) m is not over {support.name}, which {_extent(support)}")
@@ -193,7 +187,8 @@ def _related(item: Item, body: Body, scene: Scene, sensor_pose: np.ndarray | Non
     if not possible:
         raise LayoutError(f"there is no place for the {sentence}; choose another place ({_described(choices, on)})")
     if len(possible) > 1:
-        raise LayoutError(f"the {sentence} may be {' or '.join(_choice(s, r) for s, r, _ in possible)}; name one of them")
+        choice = " or ".join(" ".join([f"on {s.name}", *(f"{r.relation} {a.name}" for r, a in related)]) for s, related, _ in possible)
+        raise LayoutError(f"the {sentence} may be {choice}; name one of them")
     surface, _, positions = possible[0]
     reason: LayoutError | None = None
     tested = _spread(len(positions))
@@ -209,11 +204,7 @@ def _related(item: Item, body: Body, scene: Scene, sensor_pose: np.ndarray | Non
 
 
 def _carrier(related: Sequence[tuple[Relation, Anchor]], scene: Scene) -> Surface:
-    """Return the surface on which an object without `on` stands.
-
-    If the first anchor of the object is a placed object, the function returns the surface on which the anchor stands. Otherwise it returns
-    the floor.
-    """
+    """Return the surface on which an object without `on` stands: the support of the object that is its first anchor, or the floor."""
     ground = floor(scene)
     if not related or related[0][1].is_sensor or related[0][0].relation == "under":
         return ground
@@ -249,16 +240,12 @@ def _check_inside(mesh: trimesh.Trimesh, scene: Scene, name: str) -> None:
 
 
 def _spread(count: int) -> np.ndarray:
-    """Return the indices of the candidate positions to test for overlaps: the best first, and then at growing
-    steps down the sorted list.
-    """
+    """Return the indices of the positions to test for overlaps: the best first, then at growing steps down the sorted list."""
     return np.unique(np.round(np.geomspace(1, count, min(count, _MAX_TRIES))).astype(int)) - 1
 
 
 def _fine_last(places: np.ndarray, body: Body, scene: Scene) -> np.ndarray:
-    """Move candidate positions (N, 2) inside the bounding box of a finely meshed object to the end, because their
-    overlap tests are slow.
-    """
+    """Move positions (N, 2) inside the box of a finely meshed object to the end, because their overlap tests are slow."""
     low, high = body.mesh.bounds[:, :2]
     near = np.zeros(len(places), dtype=bool)
     for s in scene:
@@ -271,10 +258,6 @@ def _sentence(item: Item) -> str:
     parts = [item.object, *([f"on {item.on}"] if item.on else [])]
     parts += [f"{r.relation} {r.anchor}" if r.distance_m is None else f"{r.distance_m:g} m {r.relation} {r.anchor}" for r in item.relations]
     return " ".join(parts)
-
-
-def _choice(surface: Surface, related: Sequence[tuple[Relation, Anchor]]) -> str:
-    return " ".join([f"on {surface.name}", *(f"{r.relation} {a.name}" for r, a in related)])
 
 
 def _extent(support: Surface) -> str:

@@ -54,10 +54,7 @@ def spots(support: Surface, radius_m: float, relations: Sequence[tuple[Relation,
 
 
 def _variants(relations: Sequence[tuple[Relation, Anchor]]) -> list[list[Side | Anchor]]:
-    """Convert relations to lists of directions, with a list for each combination of left and right that "beside" allows.
-
-    In these lists, the relation "under" is represented by its anchor.
-    """
+    """Convert relations to lists of sides, one list per choice of left or right for "beside"; the anchor itself stands for "under"."""
     out: list[list[Side | Anchor]] = [[]]
     for relation, anchor in relations:
         front, left, distance = anchor.front, anchor.left, relation.distance_m
@@ -74,10 +71,7 @@ def _variants(relations: Sequence[tuple[Relation, Anchor]]) -> list[list[Side | 
 
 
 def _related(grid: np.ndarray, sides: Sequence[Side | Anchor], radius_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Move grid points so that they have the distances from the anchors that the relations state.
-
-    Return the points that satisfy all relations, and a cost in metres for each point.
-    """
+    """Return the grid points, moved to the stated distances from the anchors, that satisfy all relations, and their costs in metres."""
     exact = [(side, side[3]) for side in sides if isinstance(side, tuple) and side[3] is not None]
     points = grid
     if exact:
@@ -100,12 +94,7 @@ def _related(grid: np.ndarray, sides: Sequence[Side | Anchor], radius_m: float) 
 
 
 def _beyond(points: np.ndarray, side: Side, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Test which points (N, 2) satisfy a relation to an anchor.
-
-    Returns:
-        valid: boolean mask (N,) of the points beyond the end of the anchor and within the width of the anchor.
-        cost: (N,) cost in metres of each point: the distance from the anchor's axis plus the gap to the anchor.
-    """
+    """Return which points (N, 2) lie beyond an anchor within its width, and their costs (N,): distance from its axis plus gap, m."""
     anchor, direction, across, distance = side
     along = points @ direction - _end(anchor, direction)
     sideways = anchor.points @ across

@@ -109,7 +109,7 @@ class Entry:
         provenance = {"source": "true", "confidence": 1.0, "stand_in": self.material == "glass", "minc": self.minc, "object": self.name}
         out = []
         for part in parts:
-            mesh = textures.textured(part.mesh, part.look, fit=textures.LOOKS[part.look].fits)
+            mesh = textures.textured(part.mesh, part.look)
             height, length = roughness_m(part.roughness), correlation_m(part.roughness)
             material = half_space(part.material) if contents == "unknown" else part.material
             surface = Surface(mesh, material, name or self.name, height, "object", provenance, length)
@@ -146,9 +146,7 @@ def _bottle(
     cap: tuple[float, float],
     cap_look: str,
 ) -> Callable[[str], tuple[Part, ...]]:
-    """Return the function that builds a bottle, which has a lofted body and a cap of size `cap` (radius, height) a millimetre above the
-    body.
-    """
+    """Return the function that builds a bottle: a lofted body with a cap of size `cap` (radius, height) a millimetre above it."""
 
     def build(contents: str) -> tuple[Part, ...]:
         radius, height = cap

@@ -121,13 +121,8 @@ def box(low_m: Sequence[float], high_m: Sequence[float]) -> trimesh.Trimesh:
 
 def joined(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
     """Join several meshes into a single mesh, without changing their vertices and normals."""
-    offsets = np.cumsum([0] + [len(m.vertices) for m in meshes[:-1]])
-    return trimesh.Trimesh(
-        np.vstack([m.vertices for m in meshes]),
-        np.vstack([m.faces + k for m, k in zip(meshes, offsets, strict=True)]),
-        vertex_normals=np.vstack([m.vertex_normals for m in meshes]),
-        process=False,
-    )
+    vertices, faces = trimesh.util.append_faces([m.vertices for m in meshes], [m.faces for m in meshes])
+    return trimesh.Trimesh(vertices, faces, vertex_normals=np.vstack([m.vertex_normals for m in meshes]), process=False)
 
 
 def flat(polygons: Sequence[Sequence[np.ndarray | Sequence[float]] | np.ndarray]) -> trimesh.Trimesh:
@@ -147,9 +142,7 @@ def flat(polygons: Sequence[Sequence[np.ndarray | Sequence[float]] | np.ndarray]
 
 
 def _end_normal(normals: np.ndarray, band: int, neighbour: int) -> np.ndarray:
-    """Return the profile normal at an end of a band, averaged with the normal of the neighbour band if the profile
-    is smooth at this end.
-    """
+    """Return the profile normal at an end of a band, averaged with that of the neighbour band if the profile is smooth at this end."""
     own = normals[band]
     if 0 <= neighbour < len(normals) and own @ normals[neighbour] > np.cos(SMOOTH_RAD):
         own = own + normals[neighbour]

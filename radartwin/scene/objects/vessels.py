@@ -112,26 +112,26 @@ def oval(sections_m: Sequence[tuple[float, float, float, float]] | np.ndarray, r
         raise MeshError("oval: half width and depth must be positive and the exponent at least 1")
     from scipy.interpolate import PchipInterpolator
 
-    heights = np.concatenate(
-        [
-            np.linspace(low, high, max(2, int(np.ceil((high - low) / ring_m)) + 1))[:-1]
-            for low, high in zip(sections[:-1, 0], sections[1:, 0], strict=True)
-        ]
-        + [sections[-1:, 0]]
-    )
+    levels = sections[:, 0]
+    counts = np.maximum(2, np.ceil(np.diff(levels) / ring_m).astype(int) + 1)
+    between = [np.linspace(low, high, count)[:-1] for (low, high), count in zip(itertools.pairwise(levels), counts, strict=True)]
+    heights = np.concatenate([*between, levels[-1:]])
     shape = PchipInterpolator(sections[:, 0], sections[:, 1:])(heights)
     rings = np.array([superellipse(a, b, n) for a, b, n in shape])
+    points = np.concatenate([rings, np.broadcast_to(heights[:, None, None], (*rings.shape[:2], 1))], axis=2)
+    return smoothed(_tube(points, np.array([[0, 0, heights[0]], [0, 0, heights[-1]]])))
+
+
+def _tube(rings: np.ndarray, middles: np.ndarray) -> trimesh.Trimesh:
+    """Build the closed mesh of rings (R, A, 3), counter-clockwise seen from the last ring; fans about `middles` (2, 3) close the ends."""
     count, around = rings.shape[:2]
-    points = np.concatenate([rings, np.broadcast_to(heights[:, None, None], (count, around, 1))], axis=2).reshape(-1, 3)
-    i, j = (x.ravel() for x in np.meshgrid(np.arange(count - 1), np.arange(around), indexing="ij"))
-    a, b = i * around + j, i * around + (j + 1) % around
-    side = np.concatenate([np.stack([a, b, b + around], axis=1), np.stack([a, b + around, a + around], axis=1)])
-    bottom, top = len(points), len(points) + 1
+    a = np.arange((count - 1) * around)
     k, following = np.arange(around), (np.arange(around) + 1) % around
-    last = (count - 1) * around
-    ends = [np.stack([np.full(around, bottom), following, k], axis=1), np.stack([np.full(around, top), last + k, last + following], axis=1)]
-    points = np.vstack([points, [[0, 0, heights[0]], [0, 0, heights[-1]]]])
-    return smoothed(trimesh.Trimesh(points, np.concatenate([side, *ends]), process=False))
+    b, last = a - a % around + (a + 1) % around, (count - 1) * around
+    first_middle = np.full(around, count * around)
+    faces = [[a, b, b + around], [a, b + around, a + around], [first_middle, following, k], [first_middle + 1, last + k, last + following]]
+    points = np.vstack([rings.reshape(-1, 3), middles])
+    return trimesh.Trimesh(points, np.concatenate([np.stack(face, axis=1) for face in faces]), process=False)
 
 
 def superellipse(a: float, b: float, n: float) -> np.ndarray:
@@ -151,9 +151,7 @@ def superellipse(a: float, b: float, n: float) -> np.ndarray:
     share = np.concatenate([[0], np.cumsum(length / length.sum() + turn / turn.sum())]) / 2
     at = np.linspace(0, 1, QUADRANT + 1)[:-1]
     quarter = np.stack([np.interp(at, share, fine[:, k]) for k in (0, 1)], axis=1)
-    end = np.array([[0.0, b]])
-    second = np.concatenate([end, quarter[:0:-1] * [-1, 1]])
-    half = np.concatenate([quarter, second])
+    half = np.concatenate([quarter, [[0.0, b]], quarter[:0:-1] * [-1, 1]])
     return np.concatenate([half, -half])
 
 
@@ -187,20 +185,7 @@ def handle(wall_m: float, low_m: float, high_m: float, reach_m: float) -> trimes
     tangent[0], tangent[-1] = [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]
     across = np.array([0.0, 1.0, 0.0])
     inward = np.cross(tangent, across)
-    around = 32
-    turn = 2 * np.pi * np.arange(around) / around
+    turn = 2 * np.pi * np.arange(32) / 32
     rings = path[:, None] + (0.013 / 2) * np.cos(turn)[None, :, None] * across + (0.009 / 2) * np.sin(turn)[None, :, None] * inward[:, None]
-    count = len(path)
-    i, j = (x.ravel() for x in np.meshgrid(np.arange(count - 1), np.arange(around), indexing="ij"))
-    a, b = i * around + j, i * around + (j + 1) % around
-    side = np.concatenate([np.stack([a, b + around, b], axis=1), np.stack([a, a + around, b + around], axis=1)])
-    k, following = np.arange(around), (np.arange(around) + 1) % around
-    start, stop, last = count * around, count * around + 1, (count - 1) * around
-    lids = [
-        np.stack([np.full(around, start), k, following], axis=1),
-        np.stack([np.full(around, stop), last + following, last + k], axis=1),
-    ]
-    mesh = trimesh.Trimesh(np.vstack([rings.reshape(-1, 3), path[[0, -1]]]), np.concatenate([side, *lids]), process=False)
-    if mesh.volume < 0:
-        mesh.invert()
-    return smoothed(mesh)
+    bow = _tube(rings, path[[0, -1]])
+    return smoothed(trimesh.Trimesh(bow.vertices, bow.faces[:, [1, 2, 0]], process=False))  # keeps recorded results equal bit for bit

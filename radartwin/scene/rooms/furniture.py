@@ -132,7 +132,6 @@ def railing(low: Sequence[float], high: Sequence[float]) -> trimesh.Trimesh:
     axis = int(np.argmax(np.subtract(high, low)))
     across = 1 - axis
     places = np.linspace(low[axis] + 0.02, high[axis] - 0.02, 5)
-    parts = []
 
     def bar(start: float, stop: float, half: float, bottom: float, top: float) -> trimesh.Trimesh:
         a, b = np.zeros(3), np.zeros(3)
@@ -141,8 +140,7 @@ def railing(low: Sequence[float], high: Sequence[float]) -> trimesh.Trimesh:
         a[2], b[2] = bottom, top
         return objects.box(a.tolist(), b.tolist())
 
-    for place in places:
-        parts.append(bar(place - 0.02, place + 0.02, 0.02, GAP, height - 0.05))
+    parts = [bar(place - 0.02, place + 0.02, 0.02, GAP, height - 0.05) for place in places]
     for start, stop in zip(places[:-1] + 0.02 + JOINT, places[1:] - 0.02 - JOINT, strict=True):
         parts += [bar(start, stop, 0.01, z, z + 0.02) for z in np.linspace(0.15, height - 0.2, 5)]
     parts.append(bar(low[axis], high[axis], 0.025, height - 0.045, height))

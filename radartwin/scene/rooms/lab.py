@@ -75,4 +75,4 @@ def _clutter(length: float, width: float) -> list[Surface]:
     bottle = objects.cylinder(0.08, 0.5, 48).apply_transform(pose([length - 0.15, -y + 0.3, 1.1]))
     items = (monitor, carton, waste, seat, bottle)
     finishes = ("screen", "cardboard", "metal", "solid wood", "red metal")
-    return [surface(name, mesh, finish, fit=name == "monitor") for name, mesh, finish in zip(CLUTTER, items, finishes, strict=True)]
+    return [surface(name, mesh, finish) for name, mesh, finish in zip(CLUTTER, items, finishes, strict=True)]

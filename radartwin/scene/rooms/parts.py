@@ -117,7 +117,6 @@ def surface(
     role: Literal["object", "room"] = "room",
     *,
     look: str | None = None,
-    fit: bool = False,
     picture: trimesh.Trimesh | None = None,
     seed: int = 0,
 ) -> Surface:
@@ -126,12 +125,11 @@ def surface(
     Args:
         finish: name of the finish, a key of FINISHES.
         look: name of a texture that replaces the texture of the finish.
-        fit: whether the texture's bitmap is stretched over each side of the mesh instead of repeated.
         picture: the same mesh with a picture as texture, which replaces the texture of the finish.
         seed: random seed with which the texture's bitmap is drawn.
     """
     kind = FINISHES[finish]
-    shown = picture if picture is not None else textures.textured(mesh, look or kind.look, seed, fit)
+    shown = picture if picture is not None else textures.textured(mesh, look or kind.look, seed)
     provenance = {"source": "true", "confidence": 1.0, "stand_in": kind.stand_in, "minc": kind.minc}
     return Surface(shown, kind.material, name, roughness_m(kind.roughness), role, provenance, correlation_m(kind.roughness))
 
@@ -151,9 +149,7 @@ def room_scene(
 
 
 def _stored(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Return a mesh whose coordinates are float32 numbers, as in a saved scene. A room therefore has the same vertices after it was saved
-    and read.
-    """
+    """Return a mesh whose coordinates are float32 numbers, so that a room has the same vertices after it was saved and read."""
     points = np.asarray(mesh.vertices, np.float32)
     return trimesh.Trimesh(points, mesh.faces, vertex_normals=mesh.vertex_normals, visual=mesh.visual, process=False)
 

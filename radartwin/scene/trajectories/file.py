@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from radartwin.errors import MissingError, PoseError
 from radartwin.io.git_lfs import refuse_pointer
-from radartwin.io.one_line import plural
 from radartwin.scene.trajectories.ros import read_bag
 from radartwin.scene.trajectories.track import Axes, Track, check_samples, from_quaternions, pose_matrices
 
@@ -53,33 +53,45 @@ def read_track(path: str | Path, axes: Axes = "sensor", topic: str | None = None
 
 def parse_track(text: str, source: str, csv: bool) -> Track:
     """Read the timed poses in TUM or CSV text; `read_track` explains both formats."""
-    lines = [(k, line.strip()) for k, line in enumerate(text.splitlines(), 1)]
-    lines = [(k, line) for k, line in lines if line and not line.startswith("#")]
+    lines = numbered(text)
     names: Sequence[str] = TUM
     if csv:
         if not lines:
             raise PoseError(f"{source} is empty; its first line must name the columns: {','.join(TUM)}")
         names = [ALIASES.get(name, name) for name in (n.strip().strip('"').lower() for n in lines.pop(0)[1].split(","))]
     columns = _columns(names, source)
+    table = number_rows(lines, names, columns, source, "," if csv else None)
+
+    def place(k: int) -> str:
+        return f"{source}, line {lines[k][0]}"
+
+    check_samples(table[:, 0], table, place)
+    if columns[-1] == "yaw_deg":
+        rotations = Rotation.from_euler("z", table[:, 4:], degrees=True).as_matrix()
+    else:
+        rotations = from_quaternions(table[:, 4:8], place)
+    return Track(table[:, 0], pose_matrices(table[:, 1:4], rotations), source)
+
+
+def numbered(text: str) -> list[tuple[int, str]]:
+    """Return the lines of a text with their numbers, without blank lines and lines that begin with the character #."""
+    return [(k, line.strip()) for k, line in enumerate(text.splitlines(), 1) if line.strip() and not line.strip().startswith("#")]
+
+
+def number_rows(
+    lines: Sequence[tuple[int, str]], names: Sequence[str], columns: Sequence[str], source: str, separator: str | None = None
+) -> np.ndarray:
+    """Read the numbers (N, C) of the C `columns` from lines that hold a word for each of `names`. An invalid line raises PoseError."""
     rows = []
     for number, line in lines:
-        words = line.split(",") if csv else line.split()
+        words = line.split(separator)
         try:
             if len(words) != len(names):
                 raise ValueError
             rows.append([float(words[names.index(name)]) for name in columns])
         except ValueError:
             raise PoseError(f"{source}, line {number}: {len(names)} numbers are expected ({' '.join(names)}), not {line[:80]!r}") from None
-    if len(rows) < 2:
-        raise PoseError(f"{source} holds {plural(len(rows), 'pose')}; a trajectory needs at least two")
-
-    def place(k: int) -> str:
-        return f"{source}, line {lines[k][0]}"
-
-    table = np.array(rows)
-    check_samples(table[:, 0], table, place)
-    rotations = _from_yaw(table[:, 4]) if columns[-1] == "yaw_deg" else from_quaternions(table[:, 4:8], place)
-    return Track(table[:, 0], pose_matrices(table[:, 1:4], rotations), source)
+    return np.array(rows, dtype=np.float64).reshape(-1, len(columns))
 
 
 def _columns(names: Sequence[str], source: str) -> list[str]:
@@ -91,9 +103,3 @@ def _columns(names: Sequence[str], source: str) -> list[str]:
             f"{source}: the first line lacks the column {', '.join(missing)}; name {','.join(TUM)} (or yaw_deg for the last four)"
         )
     return columns
-
-
-def _from_yaw(yaw_deg: np.ndarray) -> np.ndarray:
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_euler("z", yaw_deg[:, None], degrees=True).as_matrix()

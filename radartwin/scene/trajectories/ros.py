@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from radartwin.errors import BackendError, PoseError
-from radartwin.io.one_line import plural
 from radartwin.scene.trajectories.track import Track, from_quaternions, pose_matrices
 
 ODOMETRY, POSE, TF = "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped", "tf2_msgs/msg/TFMessage"
@@ -43,7 +42,7 @@ def read_bag(path: str | Path, topic: str | None = None, frame: str | None = Non
             kinds = {c.topic: c.msgtype for c in reader.connections}
             topic = _choose_topic(topic, kinds, path)
             connections = [c for c in reader.connections if c.topic == topic or (kinds[topic] == TF and c.msgtype == TF)]
-            messages = [reader.deserialize(data, c.msgtype) for c, _, data in reader.messages(connections)]
+            messages: list[Any] = [reader.deserialize(data, c.msgtype) for c, _, data in reader.messages(connections)]
     except PoseError:
         raise
     except (AnyReaderError, OSError, ValueError, KeyError) as error:
@@ -54,7 +53,9 @@ def read_bag(path: str | Path, topic: str | None = None, frame: str | None = Non
         return _from_transforms(messages, frame, source)
     if frame:
         raise PoseError(f"{source} describes one body, so frame={frame} has no effect; leave it out, or choose topic /tf")
-    return _from_poses(messages, kinds[topic], source)
+    poses = [m.pose.pose if kinds[topic] == ODOMETRY else m.pose for m in messages]
+    track = Track(np.array([_seconds(m) for m in messages]), _matrices(((p.position, p.orientation) for p in poses), source), source)
+    return track.from_axes("optical" if kinds[topic] == ODOMETRY and _is_optical(messages[0].child_frame_id) else "sensor")
 
 
 def _choose_topic(topic: str | None, kinds: dict[str, str], path: Path) -> str:
@@ -72,20 +73,8 @@ def _choose_topic(topic: str | None, kinds: dict[str, str], path: Path) -> str:
     return topic
 
 
-def _from_poses(messages: list[Any], kind: str, source: str) -> Track:
-    if len(messages) < 2:
-        raise PoseError(f"{source} holds {plural(len(messages), 'pose')}; a trajectory needs at least two")
-    poses = [m.pose.pose if kind == ODOMETRY else m.pose for m in messages]
-    matrices = _matrices(((p.position, p.orientation) for p in poses), source)
-    track = Track(np.array([_seconds(m) for m in messages]), matrices, source)
-    return track.from_axes("optical" if kind == ODOMETRY and _is_optical(messages[0].child_frame_id) else "sensor")
-
-
 def _from_transforms(messages: Iterable[Any], frame: str | None, source: str) -> Track:
-    """Compute the poses of a coordinate frame relative to the root of the transform tree, or to the parent frame given in `frame`.
-
-    The poses have the times of the transform that was published most often between the two frames.
-    """
+    """Compute poses of a frame relative to the tree's root, or to the parent in `frame`, at the times of its most frequent transform."""
     edges: dict[str, tuple[str, list[Any]]] = {}
     for message in messages:
         for transform in message.transforms:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation, Slerp
 
 from radartwin.errors import PoseError
 from radartwin.io.one_line import plural
@@ -66,8 +66,6 @@ class Track:
         Raises:
             PoseError: a requested time is before the first or after the last pose of the track.
         """
-        from scipy.spatial.transform import Rotation, Slerp
-
         times = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
         slack = 1e-9 * max(1.0, abs(self.times_s[-1]))
         first, last = self.times_s[0], self.times_s[-1]
@@ -132,11 +130,9 @@ def from_quaternions(quaternions: np.ndarray, place: Callable[[int], str]) -> np
     Raises:
         PoseError: the length of a quaternion differs from 1 by more than UNIT_TOLERANCE.
     """
-    from scipy.spatial.transform import Rotation
-
     length = np.asarray(np.linalg.norm(quaternions, axis=1))
     if (wrong := ~(np.abs(length - 1) < UNIT_TOLERANCE)).any():
-        at = _first(wrong)
+        at = int(wrong.argmax())
         raise PoseError(f"{place(at)}: the quaternion has length {length[at]:.4g}, not 1; check the order qx qy qz qw")
     return Rotation.from_quat(quaternions).as_matrix()
 
@@ -148,15 +144,11 @@ def check_samples(times_s: np.ndarray, values: np.ndarray, place: Callable[[int]
     """
     bad = ~np.isfinite(times_s) | ~np.isfinite(values).all(axis=1)
     if bad.any():
-        raise PoseError(f"{place(_first(bad))}: NaN or infinity; repair or drop the pose")
+        raise PoseError(f"{place(int(bad.argmax()))}: NaN or infinity; repair or drop the pose")
     steps = np.diff(times_s)
     if (steps <= 0).any():
-        at = _first(steps <= 0)
+        at = int((steps <= 0).argmax())
         problem = "equals" if steps[at] == 0 else "is earlier than"
         raise PoseError(
             f"{place(at + 1)}: its time {times_s[at + 1]:.9g} s {problem} that of the pose before; sort the poses and drop duplicates"
         )
-
-
-def _first(mask: ArrayLike) -> int:
-    return int(np.argmax(mask))

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
+from PIL import ImageColor
 
 from radartwin.errors import MaterialError
 from radartwin.materials import Layered, reflection
@@ -57,7 +58,7 @@ def material_colours(materials: Sequence[str | Layered]) -> dict[str, RGB]:
     colours = {}
     for label in sorted({material_label(m) for m in materials}):
         name = label.partition(" ")[0]  # name of the outermost material
-        colours[label] = _lighter(_rgb(COLOURS.get(name, OTHER)), (0, -0.13, 0.1, -0.22, 0.18)[used[name] % 5])
+        colours[label] = _lighter(ImageColor.getrgb(COLOURS.get(name, OTHER)), (0, -0.13, 0.1, -0.22, 0.18)[used[name] % 5])
         used[name] += 1
     return colours
 
@@ -109,12 +110,7 @@ def reflectivity_colour(level_db: float | None, stops: Sequence[RGB]) -> RGB:
     return r, g, b
 
 
-def _rgb(text: str) -> RGB:
-    r, g, b = (int(text[k : k + 2], 16) for k in (1, 3, 5))
-    return r, g, b
-
-
-def _lighter(colour: RGB, share: float) -> RGB:
+def _lighter(colour: tuple[int, ...], share: float) -> RGB:
     goal = 255 if share > 0 else 0
     r, g, b = (round(c + abs(share) * (goal - c)) for c in colour)
     return r, g, b

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import trimesh
+from PIL import Image
 
 from radartwin.scene.surface import Surface
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
 
 MAX_FACES = 300_000  # largest number of faces in a web page; a scene with more faces is simplified
 WALL_M2 = 0.5  # smallest area of a wall that the page can hide; smaller surfaces block little of the view
@@ -68,19 +66,11 @@ def _clustered(mesh: trimesh.Trimesh, cell: float) -> trimesh.Trimesh:
 
 
 def vertex_colours(mesh: trimesh.Trimesh) -> np.ndarray | None:
-    """Return the RGBA colours (V, 4) uint8 of the vertices of a mesh, sampled from the texture if the mesh has a texture.
-
-    The result is None for a mesh without colours.
-    """
-    visual = mesh.visual
-    if visual is None or not visual.defined:
+    """Return the RGBA colours (V, 4) uint8 of the vertices of a mesh, sampled from its texture if it has one; None without colours."""
+    visual: Any = mesh.visual
+    if not visual.defined or (visual.kind == "texture" and texture(mesh) is None):
         return None
-    if visual.kind in ("vertex", "face"):
-        colours = np.asarray(visual.vertex_colors, dtype=np.uint8)  # type: ignore[union-attr]
-        return colours if len(colours) == len(mesh.vertices) else None
-    if texture(mesh) is None:
-        return None
-    return np.asarray(visual.to_color().vertex_colors, dtype=np.uint8)  # type: ignore[union-attr]
+    return np.asarray((visual.to_color() if visual.kind == "texture" else visual).vertex_colors, dtype=np.uint8)
 
 
 def pictures(meshes: Sequence[trimesh.Trimesh]) -> tuple[list[bytes], np.ndarray]:
@@ -105,20 +95,18 @@ def pictures(meshes: Sequence[trimesh.Trimesh]) -> tuple[list[bytes], np.ndarray
     return list(numbers), np.vstack(coordinates)
 
 
-def hatched(image: Image) -> Image:
+def hatched(image: Image.Image) -> Image.Image:
     """Replace the transparent areas of a picture, which were not scanned, by grey hatching."""
-    from PIL import Image as pillow
-
     if not image.mode.endswith("A"):
         return image.convert("RGB")
     pixels = np.array(image.convert("RGBA"))
     row, column = np.nonzero(pixels[..., 3] < 128)
     stripe = (row + column) // HATCH_PX % 2
     pixels[row, column, :3] = np.array(HATCH, dtype=np.uint8)[stripe]
-    return pillow.fromarray(np.ascontiguousarray(pixels[..., :3]))
+    return Image.fromarray(np.ascontiguousarray(pixels[..., :3]))
 
 
-def texture(mesh: trimesh.Trimesh) -> Image | None:
+def texture(mesh: trimesh.Trimesh) -> Image.Image | None:
     """Return the picture of the mesh's texture, or None for a mesh without a texture."""
     material = getattr(mesh.visual, "material", None)
     return getattr(material, "image", None) or getattr(material, "baseColorTexture", None)

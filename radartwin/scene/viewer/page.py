@@ -26,7 +26,7 @@ from radartwin.scene.surface import Surface
 from radartwin.scene.viewer import colouring as colours
 from radartwin.scene.viewer.colouring import material_label
 from radartwin.scene.viewer.display_mesh import MAX_FACES, NO_COLOUR, pictures, thinned, vertex_colours, wall_planes
-from radartwin.scene.viewer.overlay import Overlay
+from radartwin.scene.viewer.overlay import overlay
 
 __all__ = ["COLOURINGS", "material_label", "view"]
 
@@ -82,14 +82,12 @@ def describe(
     levels = [colours.reflection_db(s.material, s.roughness_m) for s in surfaces]
     stops = colours.ramp()
     jpegs, coordinates = pictures(meshes)
-    overlay = Overlay(scene, _poses(poses))
     low, high = scene.bounds
     content = {
-        "title": title or _title(scene),
+        "title": title or str(scene.provenance.get("room") or scene.provenance.get("source") or "scene"),
         "note": _note(scene, meshes, cell),
         "mode": by,
         "bounds": [low.tolist(), high.tolist()],
-        "frame": overlay.frame,
         "materials": [{"label": label, "colour": colour} for label, colour in labels.items()],
         "surfaces": [
             _surface(s, index, wall, level, c is not None)
@@ -109,9 +107,7 @@ def describe(
             "band": f"{colours.BAND_HZ[0] / 1e9:g} to {colours.BAND_HZ[1] / 1e9:g} GHz",
             "unknown": colours.UNKNOWN,
         },
-        "lines": overlay.lines,
-        "labels": overlay.labels,
-        "radar": overlay.radar,
+        **overlay(scene, _poses(poses)),
         "pictures": [f"data:image/jpeg;base64,{base64.b64encode(jpeg).decode()}" for jpeg in jpegs],
     }
     return content, _arrays(meshes, scanned, coordinates)
@@ -161,14 +157,14 @@ def _decibels(level: float) -> str:
 
 
 def _arrays(meshes: Sequence[trimesh.Trimesh], scanned: Sequence[np.ndarray | None], coordinates: np.ndarray) -> Sequence[np.ndarray]:
-    offsets = np.cumsum([0, *(len(m.vertices) for m in meshes)])
+    vertices, faces = trimesh.util.append_faces([m.vertices for m in meshes], [m.faces for m in meshes])
     colours = [np.tile(NO_COLOUR, (len(m.vertices), 1)) if c is None else c for m, c in zip(meshes, scanned, strict=True)]
     return (
-        np.vstack([m.vertices for m in meshes]).astype("<f4"),
-        np.repeat(np.arange(len(meshes)), np.diff(offsets)).astype("<u2"),
+        vertices.astype("<f4"),
+        np.repeat(np.arange(len(meshes)), [len(m.vertices) for m in meshes]).astype("<u2"),
         np.vstack(colours).astype("u1"),
         coordinates.astype("<f4"),
-        np.vstack([np.asarray(m.faces) + k for m, k in zip(meshes, offsets, strict=False)]).astype("<u4"),
+        faces.astype("<u4"),
     )
 
 
@@ -196,10 +192,6 @@ def _poses(poses: np.ndarray | None) -> np.ndarray | None:
     if poses.shape[-2:] != (4, 4) or poses.ndim not in (2, 3) or not poses.size or not np.isfinite(poses).all():
         raise PoseError(f"view: poses of shape {poses.shape}; give finite (F, 4, 4) sensor-to-world poses")
     return poses.reshape(-1, 4, 4)
-
-
-def _title(scene: Scene) -> str:
-    return str(scene.provenance.get("room") or scene.provenance.get("source") or "scene")
 
 
 def _note(scene: Scene, meshes: Sequence[trimesh.Trimesh], cell: float) -> str:
