@@ -121,8 +121,6 @@ def _add_export(group: Verbs) -> None:
     export.add_argument("--pictures", metavar="FOLDER", type=Path, help="--mcap: pictures of a camera, named by seconds, such as 0.100.jpg")
     first = "--mcap: time of the first frame in seconds since 1970 (default: 0)"
     export.add_argument("--start", metavar="SECONDS", help=first)
-    encodings = "--mcap: encoding of the messages: json (default), or protobuf, which the viewer Rerun also reads"
-    export.add_argument("--encoding", choices=("json", "protobuf"), help=encodings)
     _capture(export, prefix="--mcap: ")
 
 

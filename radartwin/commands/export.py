@@ -27,12 +27,11 @@ def export_timeline(options: argparse.Namespace, capture: dict[str, Any]) -> int
         raise InputError(f"--mcap needs one recording, but {given}; write radartwin export RECORDING --mcap FILE")
     if refused := [f"--{name.replace('_', '-')}" for name in ("config_dir", "output") if getattr(options, name)]:
         raise InputError(f"{refused[0]} applies only to the export of the virtual campaign (--out); leave it out with --mcap")
-    encoding = options.encoding or "json"
-    check_target(options.mcap, encoding)
+    check_target(options.mcap)
     start_ns = nanoseconds(options.start, "--start") if options.start is not None else 0
     pictures = read_pictures(options.pictures) if options.pictures is not None else None
     recording = load_capture(Path(options.overrides[0]), **capture)
-    counts = write_timeline(recording, options.mcap, start_ns=start_ns, pictures=pictures, encoding=encoding, progress=Progress())
+    counts = write_timeline(recording, options.mcap, start_ns=start_ns, pictures=pictures, progress=Progress())
     print("topic messages")
     for topic, count in sorted(counts.items()):
         print(topic, count)
@@ -42,6 +41,6 @@ def export_timeline(options: argparse.Namespace, capture: dict[str, Any]) -> int
 
 def refuse_timeline_options(options: argparse.Namespace) -> None:
     """Raise InputError if an option of a timeline is given with --out."""
-    for name in ("pictures", "start", "encoding", "radar", "board", "iq_swapped", "cut"):
+    for name in ("pictures", "start", "radar", "board", "iq_swapped", "cut"):
         if getattr(options, name) not in (None, False):
             raise InputError(f"--{name.replace('_', '-')} applies only to a timeline (--mcap FILE); leave it out with --out")

@@ -57,7 +57,9 @@ def read_pictures(folder: Path) -> list[Picture]:
 
 
 def nanoseconds(text: str, what: str) -> int:
-    """Convert a time in seconds, written as a decimal number, to nanoseconds. Raise InputError if the text is no time from 0 to 1e10 s.
+    """Convert a time in seconds, written as a decimal number, to nanoseconds. Raise InputError if the text is no time from 0 to 4e9 s.
+
+    The messages of a timeline hold the seconds in 32 bits.
 
     >>> nanoseconds("1709294400.25", "start")
     1709294400250000000
@@ -66,6 +68,6 @@ def nanoseconds(text: str, what: str) -> int:
         seconds = Decimal(text)
     except InvalidOperation:
         raise InputError(f"{what}: {text!r} is no time; give seconds such as 1709294400.250") from None
-    if not seconds.is_finite() or not 0 <= seconds <= Decimal(10) ** 10:
-        raise InputError(f"{what}: the time {text} is not from 0 to 1e10 seconds")
+    if not seconds.is_finite() or not 0 <= seconds <= 4_000_000_000:
+        raise InputError(f"{what}: the time {text} is not from 0 to 4e9 seconds")
     return int((seconds * 1_000_000_000).to_integral_value())

@@ -12,53 +12,37 @@
 
 Frame f is stamped with the start of its first chirp, start + f/frame_rate. The maps of a frame are those of radartwin.radar.power_maps for
 this frame alone. The file is written frame by frame, so that the memory does not grow with the length of the file. The file has a temporary
-name until it is complete. Format: mcap.dev/spec. Messages are JSON with schemas in JSON Schema, or Protobuf
-(radartwin.recordings.protobuf). The viewer rerun needs Protobuf, because its documentation (rerun.io/docs/reference/mcap) names Foxglove's
-schemas in Protobuf only.
+name until it is complete. Format: mcap.dev/spec. Messages of Foxglove are in Protobuf, which Foxglove and rerun decode; range profiles are
+in JSON.
 """
 
 from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 from radartwin.constants import __version__
-from radartwin.errors import BackendError, InputError, OutputError
+from radartwin.errors import BackendError, OutputError
 from radartwin.io import files
 from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
 from radartwin.radar.detection import point_clouds
-from radartwin.radar.point_messages import point_cloud2
 from radartwin.radar.power_maps import doppler_bins, power_maps, range_bins
 from radartwin.radar.processing import range_axis, velocity_axis
 from radartwin.radar.recording import Recording
-from radartwin.recordings import foxglove, protobuf
 from radartwin.recordings.pictures import Picture
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
 
+    from radartwin.recordings.foxglove import Message
+
 WORLD, SENSOR, CAMERA = "world", "radar", "camera"  # frame ids
 # Level of a black pixel. Foxglove shows the pixels 0 to 10,000 of a mono16 picture by default, which are the 100 dB above the floor.
 FLOOR_DB, FLOOR_COUNTS_DB = -200.0, -20.0  # for amplitudes (relative to the transmitted power) and for ADC counts
-TOPICS = {
-    "/radar/range_profile": "radartwin.RangeProfile",
-    "/radar/range_doppler": "foxglove.RawImage",
-    "/radar/range_azimuth": "foxglove.RawImage",
-    "/radar/points": "foxglove.PointCloud",
-    "/tf": "foxglove.FrameTransform",
-    "/radar/pose": "foxglove.PoseInFrame",
-    "/camera/image": "foxglove.CompressedImage",
-}
-# For each encoding of messages: the encoding of schemas, and the functions that encode a schema and a message by the schema's name.
-_ENCODINGS: dict[str, tuple[str, Callable[[str], bytes], Callable[[str, foxglove.Message], bytes]]] = {
-    "json": ("jsonschema", foxglove.schema, foxglove.encode),
-    "protobuf": ("protobuf", protobuf.schema, protobuf.encode),
-}
 
 
 def write_timeline(
@@ -67,7 +51,6 @@ def write_timeline(
     *,
     start_ns: int = 0,
     pictures: list[Picture] | None = None,
-    encoding: str = "json",
     progress: Progress | None = None,
 ) -> dict[str, int]:
     """Write the MCAP file of a recording.
@@ -77,51 +60,47 @@ def write_timeline(
         path: the MCAP file; an existing file is replaced.
         start_ns: time of the start of the first frame, in nanoseconds since 1970.
         pictures: pictures of the camera, in ascending order of their times; None for none.
-        encoding: encoding of the messages, "json" or "protobuf".
         progress: shows the number of frames that are done.
     Returns:
         Number of messages by topic. A radar with one channel has no range-azimuth map and no points, a frame with one chirp has no
         range-Doppler map, and a recording without poses has no transform.
     Raises:
-        BackendError: the package mcap or protobuf is missing.
+        BackendError: the package mcap or foxglove-sdk is missing.
         InputError: a picture cannot be read or is not of the kind of its suffix.
         OutputError: the file cannot be written. No temporary file remains, and an existing file keeps its content.
     """
     path = Path(path)
-    mcap_writer = check_target(path, encoding)
+    check_target(path)
+    from mcap.writer import Writer
+
     files.sweep(files.make_folder(path.parent))
     with files.replacing(path) as stream:
-        writer = mcap_writer.Writer(stream)
+        writer = Writer(stream)
         writer.start(profile="", library=f"radartwin {__version__}")
         floor_db = FLOOR_COUNTS_DB if recording.in_counts else FLOOR_DB
         writer.add_metadata("radartwin", _metadata(recording, start_ns, floor_db))
-        counts = _add_messages(writer, encoding, _messages(recording, start_ns, floor_db, pictures or [], progress))
+        counts = _add_messages(writer, _messages(recording, start_ns, floor_db, pictures or [], progress))
         writer.finish()
     return counts
 
 
-def check_target(path: Path, encoding: str = "json") -> ModuleType:
-    """Check that an MCAP file can be written, before the recording is read, and return the module mcap.writer.
+def check_target(path: Path) -> None:
+    """Check that an MCAP file can be written, before the recording is read.
 
     Raises:
-        InputError: the encoding is unknown.
-        BackendError: the package mcap or protobuf is missing.
+        BackendError: the package mcap or foxglove-sdk is missing.
         OutputError: the path is a folder or has another suffix than .mcap, or its folder cannot be written.
     """
-    if encoding not in _ENCODINGS:
-        raise InputError(f"encoding {encoding!r} is unknown; use one of {', '.join(_ENCODINGS)}")
     if path.is_dir():
         raise OutputError(f"{path} is a folder; give the name of the MCAP file to write")
     if path.suffix != ".mcap":
         raise OutputError(f"{path} does not end with .mcap; give the MCAP file a name such as {path.with_suffix('.mcap').name}")
     files.check_folder(path.parent)
     try:
-        import mcap.writer
+        import foxglove  # noqa: F401
+        import mcap.writer  # noqa: F401
     except ImportError as error:
-        raise BackendError("--mcap needs the package mcap; install it with pip install 'radartwin[mcap]'") from error
-    if encoding == "protobuf":
-        protobuf.check()
-    return mcap.writer
+        raise BackendError(f"--mcap needs the package {error.name}; install it with pip install 'radartwin[mcap]'") from error
 
 
 def frame_time_ns(radar: Radar, frame: int, start_ns: int) -> int:
@@ -129,67 +108,64 @@ def frame_time_ns(radar: Radar, frame: int, start_ns: int) -> int:
     return start_ns + round(frame * 1e9 / radar.frame_rate_hz)
 
 
-def _add_messages(writer: Writer, encoding: str, timeline: Iterator[tuple[int, str, foxglove.Message]]) -> dict[str, int]:
+def _add_messages(writer: Writer, timeline: Iterator[tuple[int, str, Message]]) -> dict[str, int]:
     """Add the messages of the timeline, with a channel and a schema for each topic that occurs. Return the number of messages by topic."""
-    schema_encoding, schema, encode = _ENCODINGS[encoding]
     channels: dict[str, int] = {}
     counts: dict[str, int] = {}
     for time_ns, topic, message in timeline:
-        name = TOPICS[topic]
         if topic not in channels:
-            schema_id = writer.register_schema(name, schema_encoding, schema(name))
-            channels[topic] = writer.register_channel(topic, encoding, schema_id)
-        writer.add_message(channels[topic], time_ns, encode(name, message), time_ns, sequence=counts.get(topic, 0))
+            schema = message.get_schema()
+            encoding = "json" if schema.encoding == "jsonschema" else schema.encoding
+            channels[topic] = writer.register_channel(topic, encoding, writer.register_schema(schema.name, schema.encoding, schema.data))
+        writer.add_message(channels[topic], time_ns, message.encode(), time_ns, sequence=counts.get(topic, 0))
         counts[topic] = counts.get(topic, 0) + 1
     return counts
 
 
 def _messages(
     recording: Recording, start_ns: int, floor_db: float, pictures: list[Picture], progress: Progress | None
-) -> Iterator[tuple[int, str, foxglove.Message]]:
+) -> Iterator[tuple[int, str, Message]]:
     """Yield time, topic and message of the whole timeline in the order of time."""
+    from radartwin.recordings import foxglove
+
     waiting = list(reversed(pictures))
     with contextlib.ExitStack() as stack:
-        advance = stack.enter_context(progress.task("frames", recording.num_frames)) if progress else None
+        advance = stack.enter_context(progress.task("frames", recording.num_frames)) if progress else lambda: None
         for block in recording.frame_blocks(1):  # blocks of one frame
-            frame = block.start
-            time_ns = frame_time_ns(recording.radar, frame, start_ns)
+            time_ns = frame_time_ns(recording.radar, block.start, start_ns)
             while waiting and waiting[-1].time_ns < time_ns:
-                yield _picture(waiting.pop())
-            for topic, message in _frame(recording, frame, time_ns, floor_db).items():
+                picture = waiting.pop()
+                yield picture.time_ns, "/camera/image", foxglove.picture(picture, CAMERA)
+            for topic, message in _frame(recording, block.start, time_ns, floor_db):
                 yield time_ns, topic, message
-            if advance:
-                advance()
-    while waiting:
-        yield _picture(waiting.pop())
+            advance()
+    for picture in reversed(waiting):
+        yield picture.time_ns, "/camera/image", foxglove.picture(picture, CAMERA)
 
 
-def _picture(picture: Picture) -> tuple[int, str, foxglove.Message]:
-    return picture.time_ns, "/camera/image", foxglove.picture(picture.time_ns, CAMERA, picture.read(), picture.kind)
+def _frame(recording: Recording, frame: int, time_ns: int, floor_db: float) -> Iterator[tuple[str, Message]]:
+    """Yield topic and message of one frame."""
+    from radartwin.recordings import foxglove
 
-
-def _frame(recording: Recording, frame: int, time_ns: int, floor_db: float) -> dict[str, foxglove.Message]:
-    """Return the messages of one frame by topic."""
     radar, iq = recording.radar, recording.iq[frame : frame + 1]
     maps = power_maps(iq, radar)
-    out: dict[str, foxglove.Message] = {}
     if recording.sensor_poses is not None:
         pose = recording.sensor_poses[frame if len(recording.sensor_poses) > 1 else 0]
-        out["/tf"] = foxglove.frame_transform(time_ns, WORLD, SENSOR, pose)
-        out["/radar/pose"] = foxglove.pose_in_frame(time_ns, WORLD, pose)
-    out["/radar/range_profile"] = foxglove.range_profile(time_ns, SENSOR, maps.range_m, maps.range_time.mean(axis=0))
+        yield "/tf", foxglove.frame_transform(time_ns, WORLD, SENSOR, pose)
+        yield "/radar/pose", foxglove.pose_in_frame(time_ns, WORLD, pose)
+    yield "/radar/range_profile", foxglove.range_profile(time_ns, SENSOR, maps.range_m, maps.range_time.mean(axis=0))
     if radar.num_chirps > 1:
-        out["/radar/range_doppler"] = foxglove.map_image(time_ns, SENSOR, maps.range_doppler, floor_db)
+        yield "/radar/range_doppler", foxglove.map_image(time_ns, SENSOR, maps.range_doppler, floor_db)
     if radar.num_tx * radar.num_rx > 1:
         # The columns run from the left of the radar (positive azimuth) to its right.
-        out["/radar/range_azimuth"] = foxglove.map_image(time_ns, SENSOR, maps.range_azimuth[::-1], floor_db)
-        (peaks,) = point_clouds(iq, radar)
-        out["/radar/points"] = foxglove.point_cloud(time_ns, SENSOR, point_cloud2(peaks))
-    return out
+        yield "/radar/range_azimuth", foxglove.map_image(time_ns, SENSOR, maps.range_azimuth[::-1], floor_db)
+        yield "/radar/points", foxglove.point_cloud(time_ns, SENSOR, *point_clouds(iq, radar))
 
 
 def _metadata(recording: Recording, start_ns: int, floor_db: float) -> dict[str, str]:
     """Return the metadata record of the file: texts, of which radar, axes and provenance are JSON."""
+    from radartwin.recordings.foxglove import PIXELS_PER_DB
+
     radar = recording.radar
     velocity_mps = velocity_axis(radar, doppler_bins(radar))
     axes = {
@@ -204,7 +180,7 @@ def _metadata(recording: Recording, start_ns: int, floor_db: float) -> dict[str,
         "start_ns": str(start_ns),
         "unit": "dB of one squared ADC count" if recording.in_counts else "dB of transmitted power",
         "floor_db": str(floor_db),
-        "pixels_per_db": str(foxglove.PIXELS_PER_DB),
+        "pixels_per_db": str(PIXELS_PER_DB),
         "axes": json.dumps(axes),  # values at the first and at the last row or column of the pictures
         "provenance": json.dumps(recording.provenance),
     }
