@@ -18,6 +18,21 @@ from radartwin.recognize.encoder import Encoder
 from radartwin.recognize.model import Recogniser
 from radartwin.recordings.card import Card
 
+LFS = b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 5\n"
+CFG = """% made with the mmWave SDK visualizer
+sensorStop
+flushCfg
+dfeDataOutputMode 1
+channelCfg 15 5 0
+adcCfg 2 1
+adcbufCfg -1 0 1 1 1
+profileCfg 0 77 7 5 60 0 0 70 1 256 5210 0 0 30   % comment
+chirpCfg 0 0 0 0 0 0 0 1
+chirpCfg 1 1 0 0 0 0 0 4
+frameCfg 0 1 16 0 100 1 0
+lowPower 0 0
+sensorStart
+"""
 CARD = Card("bench", "CC-BY-4.0", "amplitude", "IWR1843BOOST", "A. Researcher", "2026-03-01")
 
 

@@ -38,9 +38,8 @@ Sources of the default values, all of which were chosen before the simulation wa
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -101,9 +100,6 @@ class AntennaErrors:
     def ripples(self, element: str, antennas: int, wavelength_m: float) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
         """Return the points d_kj (K, COPIES, 3) in metres, and the weights c_k and c_k a_kj (K, 1 + COPIES), of K antennas."""
         return _ripples(self, element, antennas, wavelength_m)
-
-    def to_dict(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 @compiled

@@ -16,8 +16,6 @@ A YAML file may give design_frequency_hz and pattern once, beside `elements`.
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import re
 import reprlib
@@ -26,9 +24,9 @@ from pathlib import Path
 from typing import Any
 
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.errors import InputError, MissingError, RecordingError
+from radartwin.errors import InputError, RecordingError
 from radartwin.radar.antenna import ELEMENTS
-from radartwin.radar.description_files import read_text, read_yaml, with_numbers
+from radartwin.radar.description_files import read_csv, read_yaml, with_numbers
 from radartwin.radar.field_checks import check_distinct
 
 UNITS = ("m", "half_wavelength")
@@ -50,8 +48,6 @@ def read_array(path: str | Path) -> dict[str, Any]:
         RecordingError: the table is malformed, or its antennas form no array. The message names the file and the row.
     """
     path = Path(path)
-    if not path.is_file():
-        raise MissingError(f"{path}: no such array table; give a .csv or .yaml with one antenna per row")
     rows = _rows(path)
     if not rows:
         raise RecordingError(f"{path}: the table has no antenna; write one row for each transmitter and receiver")
@@ -105,17 +101,11 @@ def _rows(path: Path) -> list[dict[str, Any]]:
         return [{**common, **{str(key): value for key, value in row.items()}} for row in listed]
     if path.suffix != ".csv":
         raise RecordingError(f"{path}: suffix {path.suffix!r} is unknown; give an array table as .csv or .yaml")
-    try:
-        reader = csv.DictReader(io.StringIO(read_text(path)), strict=True)
-        table = list(reader)
-    except csv.Error as error:
-        raise RecordingError(f"{path}: {error}; write a header line and one antenna per row, separated by commas") from error
-    header = [name.strip() for name in reader.fieldnames or ()]
-    if twice := [name for name in header if header.count(name) > 1]:
-        raise RecordingError(f"{path}: column {twice[0] or 'without a name'} occurs twice; name each column once")
-    if any(None in row or None in row.values() for row in table):
-        raise RecordingError(f"{path}: a row has more or fewer cells than the header line; write one cell for each column")
-    return [{key.strip(): value.strip() for key, value in row.items() if value.strip()} for row in table]
+    header, lines = read_csv(path)
+    for number, cells in lines:
+        if len(cells) != len(header):
+            raise RecordingError(f"{path}: line {number} has more or fewer cells than the header line; write one cell for each column")
+    return [{name: cell for name, cell in zip(header, cells, strict=True) if cell} for _, cells in lines]
 
 
 def _unit(path: Path, rows: list[dict[str, Any]]) -> str:

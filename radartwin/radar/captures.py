@@ -30,7 +30,7 @@ from radartwin.io.git_lfs import refuse_pointer
 from radartwin.io.one_line import plural
 from radartwin.radar import cascade_capture, dca1000, studio_log
 from radartwin.radar.chirp import Radar
-from radartwin.radar.description_files import read_json
+from radartwin.radar.description_files import present, read_json
 from radartwin.radar.layouts import FULL_SCALE, Layout
 from radartwin.radar.recording import Recording, gathered, recording_files
 from radartwin.radar.ti_files import Description
@@ -288,8 +288,7 @@ def _flatness_db(layout: Layout, words: NDArray[np.int16], shape: tuple[int, ...
 
 def _cube(path: Path, radar: Radar) -> _Source:
     """Open an array of samples in a .npy or .npz file."""
-    if not path.is_file():
-        raise MissingError(f"{path}: no such file; check the path")
+    present(path)
     try:
         stored = {"iq": files.read_array(path)} if path.suffix == ".npy" else files.read_arrays(path)
     except (InputError, OSError) as error:

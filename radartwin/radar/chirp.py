@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.errors import InputError, MissingError, RecordingError
+from radartwin.errors import InputError, RecordingError
 from radartwin.radar.antenna import ELEMENTS, element_gain
 from radartwin.radar.antenna_errors import AntennaErrors
 from radartwin.radar.boards import IWR1843BOOST, Position
@@ -35,7 +35,6 @@ from radartwin.radar.phase_noise import PhaseNoise
 from radartwin.radar.ti_files import Description
 
 _PARTS: dict[str, Any] = {"if_filter": IfFilter, "phase_noise": PhaseNoise, "antenna_errors": AntennaErrors}
-_GAINS = ("tx_gains_db", "rx_gains_db")
 WAVEFORM = "fmcw"  # the only waveform that a radar description may name
 _MAX_COUNT = 1_000_000  # largest number of samples or chirps; the limit keeps a typing error from filling the memory
 
@@ -270,27 +269,15 @@ class Radar:
     @classmethod
     def described(cls, path: str | Path, board: str | None = None) -> tuple[Radar, Description]:
         """Read a radar file as `from_file` does, and return the radar with the rest of the file's content (`read_description`)."""
-        path = Path(path)
-        if not path.is_file():
-            raise MissingError(f"{path}: no such radar file; give a .cfg, .mmwave.json, .yaml or .json")
-        description = read_description(path, board)
+        description = read_description(Path(path), board)
         try:
             return cls.from_dict(description.fields), description
         except InputError as error:
             raise RecordingError(f"{path}: {error}") from error
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the fields of the radar as plain values for JSON or YAML. Leave out parts that are None."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        for name in ("tx_positions_m", "rx_positions_m"):
-            values[name] = [list(position) for position in values[name]]
-        for name in _PARTS:
-            if (part := values.pop(name)) is not None:
-                values[name] = part.to_dict()
-        for name in _GAINS:
-            if (gains := values.pop(name)) is not None:
-                values[name] = list(gains)
-        return values
+        """Return the fields of the radar as plain values for JSON or YAML. Leave out fields that are None."""
+        return {name: _plain(value) for name, value in asdict(self).items() if value is not None}
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Radar:
@@ -307,6 +294,13 @@ class Radar:
                     f"time division (waveform: {WAVEFORM})"
                 )
         return from_mapping(cls, "radar description", values)
+
+
+def _plain(value: Any) -> Any:
+    """Convert tuples to lists, also inside lists and mappings."""
+    if isinstance(value, Mapping):
+        return {name: _plain(item) for name, item in value.items()}
+    return [_plain(item) for item in value] if isinstance(value, tuple | list) else value
 
 
 def _is_count(value: Any) -> bool:

@@ -11,7 +11,6 @@ packets has a sequence number (4 bytes) and a byte count (6 bytes); mmWave SDK u
 
 from __future__ import annotations
 
-import mmap
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -31,6 +30,7 @@ PACKET_BYTES = 1456  # number of sample bytes in one packet of the DCA1000 captu
 _COUNTERS = 10  # bytes of sequence number and byte count before the samples of a UDP packet
 _MAGIC = bytes.fromhex("dc0ada0cdc0ada0c")
 _LONGEST_HEADER = 4096  # bytes, by judgement
+_SEARCHED_BYTES = 64 << 20  # size of the block in which magic words are searched at once
 _PART = re.compile(r"(.+)_Raw_(\d+)")
 
 
@@ -175,18 +175,9 @@ class SampleFile:
     def _after_headers(self, chirp_bytes: int) -> NDArray[np.int64]:
         """Return the place (N,) of the first sample of each chirp, in bytes, by the magic words of the headers."""
         places: list[int] = []
-        offset = 0
-        for path, length in ((path, length) for path, length in zip(self._paths, self._sizes, strict=True) if length):
-            with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
-                place = content.find(_MAGIC)
-                while place >= 0:
-                    places.append(offset + place)
-                    place = content.find(_MAGIC, place + 1)
-            # Magic words may be split between two files.
-            joint = self.read(offset + length - len(_MAGIC) + 1, 2 * len(_MAGIC) - 2)
-            if (place := joint.find(_MAGIC)) >= 0:
-                places.append(offset + length - len(_MAGIC) + 1 + place)
-            offset += length
+        for start in range(0, self.size, _SEARCHED_BYTES):
+            data = self.read(start, _SEARCHED_BYTES + len(_MAGIC) - 1)  # magic words may lie across two blocks or two files
+            places += [start + match.start() for match in re.finditer(b"(?=%s)" % re.escape(_MAGIC), data)]
         distances = np.diff([*places, self.size])
         distance = Counter(distances.tolist()).most_common(1)[0][0]
         if distance <= chirp_bytes:

@@ -5,12 +5,14 @@ A radar file is a mmWave SDK .cfg, a mmWave Studio .mmwave.json, or a .yaml or .
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import re
 from pathlib import Path
 from typing import Any
 
-from radartwin.errors import RecordingError
+from radartwin.errors import MissingError, RecordingError
 from radartwin.io import untrusted_json, untrusted_yaml
 from radartwin.io.git_lfs import refuse_pointer
 from radartwin.radar.layouts import Layout
@@ -53,17 +55,22 @@ def read_description(path: Path, board: str | None = None) -> Description:
     return Description(fields, Layout(real=real))
 
 
+def present(path: Path, remedy: str = "check the path") -> Path:
+    """Return the path of a file. Raise MissingError with a remedy if it is absent, and RecordingError if it is a Git LFS pointer."""
+    if not path.is_file():
+        raise MissingError(f"{path}: no such file; {remedy}")
+    refuse_pointer(path)
+    return path
+
+
 def read_json(path: Path) -> dict[str, Any]:
     """Read a JSON file that holds an object. Raise RecordingError, with the line of a syntax error, if the file is malformed."""
-    refuse_pointer(path)
+    present(path)
     try:
         values = untrusted_json.read(path)
-    except json.JSONDecodeError as error:
-        raise RecordingError(f"{path}: line {error.lineno}: {error.msg}; write valid JSON") from error
-    except UnicodeDecodeError as error:
-        raise RecordingError(f"{path}: not a text file; give a JSON file") from error
-    except (ValueError, RecursionError) as error:  # a number of thousands of digits, or thousands of brackets
-        raise RecordingError(f"{path}: unreadable value ({str(error).splitlines()[0]})") from error
+    except (ValueError, RecursionError) as error:
+        text = f"line {error.lineno}: {error.msg}" if isinstance(error, json.JSONDecodeError) else str(error)
+        raise RecordingError(f"{path}: {text}; write valid JSON") from error
     if not isinstance(values, dict):
         raise RecordingError(f"{path}: expected a JSON object, not {type(values).__name__}; write one object in braces")
     return values
@@ -78,17 +85,32 @@ def read_yaml(path: Path, content: str) -> dict[str, Any]:
     """
     import yaml
 
+    text = read_text(path)
     try:
-        values = untrusted_yaml.load(read_text(path))
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f"line {mark.line + 1}: " if mark is not None else ""
-        raise RecordingError(f"{path}: {line}{getattr(error, 'problem', None) or 'malformed YAML'}; write valid YAML") from error
-    except (ValueError, RecursionError) as error:  # a number of thousands of digits, or thousands of brackets
-        raise RecordingError(f"{path}: unreadable value ({str(error).splitlines()[0]})") from error
+        values = untrusted_yaml.load(text)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        line = f"line {mark.line + 1}: " if (mark := getattr(error, "problem_mark", None)) else ""
+        raise RecordingError(f"{path}: {line}{getattr(error, 'problem', None) or str(error).splitlines()[0]}; write valid YAML") from error
     if not isinstance(values, dict):
         raise RecordingError(f"{path}: expected a mapping of {content}, not {type(values).__name__}; write KEY: VALUE lines")
     return values
+
+
+def read_csv(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Read a CSV file whose first line names the columns. Return these names, and number and cells of each further line that is not blank.
+
+    Raises:
+        RecordingError: the file is not CSV in UTF-8, or a column occurs twice.
+    """
+    reader = csv.reader(io.StringIO(read_text(path), newline=""), strict=True)
+    try:
+        lines = [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader if any(cell.strip() for cell in cells)]
+    except csv.Error as error:
+        raise RecordingError(f"{path}: line {reader.line_num}: {error}; write valid CSV") from error
+    header = lines[0][1] if lines else []
+    if twice := [name for name in header if header.count(name) > 1]:
+        raise RecordingError(f"{path}: line 1: column {twice[0] or 'without a name'} occurs twice")
+    return header, lines[1:]
 
 
 def read_text(path: Path, comment: str | None = None) -> str:
@@ -96,7 +118,7 @@ def read_text(path: Path, comment: str | None = None) -> str:
 
     Text after the sign `comment` in a line may have any encoding.
     """
-    refuse_pointer(path)
+    present(path)
     try:
         text = path.read_text(encoding="utf-8-sig", errors="strict" if comment is None else "replace")
         for number, line in enumerate(text.splitlines() if comment is not None else (), start=1):

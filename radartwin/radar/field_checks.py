@@ -40,17 +40,13 @@ def from_mapping(kind: Any, name: str, values: Any) -> Any:
     known = {field.name for field in fields(kind)}
     if unknown := sorted(set(values) - known, key=str):
         near = difflib.get_close_matches(str(unknown[0]), sorted(known), 1)
-        hint = f"did you mean {near[0]}?" if near else f"required fields: {', '.join(needed(kind))}"
+        required = [field.name for field in fields(kind) if field.default is MISSING and field.default_factory is MISSING]
+        hint = f"did you mean {near[0]}?" if near else f"required fields: {', '.join(required)}"
         raise InputError(f"{name}: unknown field {unknown[0]!r}; {hint}")
     try:
         return kind(**values)
     except TypeError as error:
         raise InputError(f"{name}: {error}".replace(f"{kind.__name__}.__init__() ", "")) from None
-
-
-def needed(kind: Any) -> list[str]:
-    """Return the names of the fields of a dataclass that have no default value."""
-    return [field.name for field in fields(kind) if field.default is MISSING and field.default_factory is MISSING]
 
 
 def check_distinct(positions: Sequence[tuple[float, ...]], what: str) -> None:

@@ -14,6 +14,7 @@ limits of the data sheet, because the board has no waveform of its own. Every fi
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from radartwin.radar.boards import IWR6843ISK, MMWCAS_RF_EVM
 from radartwin.radar.chirp import Radar
@@ -29,20 +30,13 @@ def iwr6843() -> Radar:
     >>> round(1e3 * iwr6843().wavelength_m, 2)
     4.96
     """
-    return Radar(
+    return replace(
+        Radar.iwr1843(IWR6843ISK.element),
         name="iwr6843",
         start_frequency_hz=60.49e9,
-        slope_hz_per_s=70e12,
-        sample_rate_hz=5.21e6,
-        num_samples=256,
-        num_chirps=16,
         tx_positions_m=IWR6843ISK.tx_positions_m,
         rx_positions_m=IWR6843ISK.rx_positions_m,
         chirp_interval=64.14e-6,
-        frame_rate_hz=10.0,
-        element=IWR6843ISK.element,
-        noise_figure_db=15.0,
-        transmit_power_dbm=12.0,
     )
 
 

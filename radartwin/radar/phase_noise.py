@@ -20,7 +20,7 @@ function `interpolation` serve to add phase noise to existing samples.
 from __future__ import annotations
 
 import functools
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -119,9 +119,6 @@ class PhaseNoise:
         np.multiply(lines[:, None], draw[0] + np.complex64(1j) * draw[1], out=spectrum[:, :, 1:])
         spectrum[:, :, 1:-1] *= 0.5  # irfft adds the complex conjugate of these spectral lines, which doubles their contribution
         return np.asarray(fft.irfft(spectrum, size, norm="forward", overwrite_x=True))[:, :, :samples]
-
-    def to_dict(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 def chebyshev_terms(largest: float, tail: float) -> int:

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radartwin.io import files
 from radartwin.plotting import style
@@ -22,6 +21,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.radar.detection import Peaks, detect, point_clouds
 from radartwin.radar.point_messages import arrays
 from radartwin.radar.power_maps import PowerMaps, power_maps
+from radartwin.radar.processing import decibels
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -106,11 +106,12 @@ def _draw(maps: PowerMaps, name: str, peaks: Peaks, unit: str, title: str) -> Fi
         # Positive azimuth is drawn on the left, because it is to the left of the radar.
         across, label, power = np.degrees(maps.azimuth_rad[::-1]), "azimuth (degrees), left positive", maps.range_azimuth[::-1]
         marks = np.degrees(peaks.azimuth_rad)
-    decibels, top = _in_decibels(power)
+    level_db = decibels(power)
+    top = float(level_db.max())
     with matplotlib.rc_context(style.style()):
         figure, axes = style.figure(height_in=4.6)
         image = axes.imshow(
-            decibels.T,
+            level_db.T,
             origin="lower",
             aspect="auto",
             interpolation="nearest",
@@ -124,12 +125,3 @@ def _draw(maps: PowerMaps, name: str, peaks: Peaks, unit: str, title: str) -> Fi
         axes.set(xlabel=label, ylabel="range (m)", title=title, xlim=style.pixel_edges(across), ylim=style.pixel_edges(maps.range_m))
         figure.colorbar(image, ax=axes, label=f"power ({unit})")
     return figure
-
-
-def _in_decibels(power: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Convert powers to decibels and limit them to at least the maximum minus _DYNAMIC_RANGE_DB. Return the levels and their maximum."""
-    strongest = float(power.max())
-    if strongest <= 0:
-        return np.full(power.shape, -_DYNAMIC_RANGE_DB), 0.0
-    top = 10 * np.log10(strongest)
-    return 10 * np.log10(np.maximum(power, strongest * 10 ** (-_DYNAMIC_RANGE_DB / 10))), float(top)

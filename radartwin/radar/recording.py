@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin.errors import MissingError, OutputError, PoseError, RecordingError
+from radartwin.errors import OutputError, PoseError, RecordingError
 from radartwin.io import files, scratch
 from radartwin.io.one_line import plural
 from radartwin.radar import dca1000
 from radartwin.radar.chirp import Radar
-from radartwin.radar.description_files import read_json
+from radartwin.radar.description_files import present, read_json
 from radartwin.radar.field_checks import check_rigid
 from radartwin.radar.layouts import FULL_SCALE, Layout
 
@@ -153,8 +153,7 @@ class Recording:
         """
         bin_path, json_path = recording_files(path)
         for needed in (bin_path, json_path):
-            if not needed.is_file():
-                raise MissingError(f"{needed}: no such file; a recording needs a .bin and a .json of the same name")
+            present(needed, "a recording needs a .bin and a .json of the same name")
         described = read_json(json_path)
         for key in ("radar", "scale"):
             if key not in described:

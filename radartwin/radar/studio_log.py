@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from radartwin.errors import MissingError, RecordingError
-from radartwin.io.git_lfs import refuse_pointer
+from radartwin.errors import RecordingError
 from radartwin.radar.dca1000 import PACKET_BYTES, capture_prefix
+from radartwin.radar.description_files import present
 
 _LINE = re.compile(r"\s*([A-Za-z][A-Za-z ()]*?)\s*[-:]\s*(.*?)[\s,]*")
 
@@ -56,29 +56,27 @@ def read_log(path: str | Path, lanes: int = 2) -> StudioLog:
         RecordingError: the file is not a log of the DCA1000, or its capture mode has another sample layout.
     """
     path = Path(path)
-    if not path.is_file():
-        raise MissingError(f"{path}: no such log file; check the path")
-    refuse_pointer(path)
     values: dict[str, str] = {}
-    for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+    for line in present(path).read_text(encoding="utf-8", errors="replace").splitlines():
         if match := _LINE.fullmatch(line):
             values.setdefault(match.group(1).lower(), match.group(2))
     if values.get("log mode", "Raw") != "Raw":
         raise RecordingError(f"{path}: log mode {values['log mode']} separates the data types; record in raw mode")
-    logged = _number(path, values, "lvds lane mode", None)
+    logged = _number(path, values, "lvds lane mode")
     if logged not in (None, 2, lanes):
         raise RecordingError(f"{path}: {logged} LVDS lanes do not fit the description, which has {lanes}; give the right radar description")
-    received = _number(path, values, "number of received packets", None)
+    received = _number(path, values, "number of received packets")
     if received is None:
         raise RecordingError(f"{path}: the number of received packets is missing; give the LogFile.csv of a finished capture")
-    return StudioLog(
-        lanes=logged,
-        received=received,
-        lost=_number(path, values, "number of zero filled packets", 0) or 0,
-        lost_bytes=_number(path, values, "number of zero filled bytes", 0) or 0,
-        out_of_sequence=_number(path, values, "out of sequence count", 0) or 0,
-        started=_time(path, values.get("capture start time")),
+    counts = (
+        _number(path, values, key) or 0 for key in ("number of zero filled packets", "number of zero filled bytes", "out of sequence count")
     )
+    started = values.get("capture start time")
+    try:  # English day and month names, unless a locale is set
+        started = datetime.strptime(started, "%a %b %d %H:%M:%S %Y").isoformat() if started else None
+    except ValueError:
+        raise RecordingError(f"{path}: {started!r} is not a time such as 'Tue Nov 19 20:02:23 2024'") from None
+    return StudioLog(logged, received, *counts, started)
 
 
 def find_log(capture: Path) -> Path | None:
@@ -95,18 +93,9 @@ def find_log(capture: Path) -> Path | None:
     return logs[0] if len(logs) == 1 and len(captures) == 1 else None
 
 
-def _number(path: Path, values: dict[str, str], key: str, default: int | None) -> int | None:
+def _number(path: Path, values: dict[str, str], key: str) -> int | None:
     if key not in values:
-        return default
+        return None
     if not (match := re.match(r"\d+", values[key])):
         raise RecordingError(f"{path}: {key} {values[key]!r} is not a number")
     return int(match.group())
-
-
-def _time(path: Path, text: str | None) -> str | None:
-    if not text:
-        return None
-    try:
-        return datetime.strptime(text, "%a %b %d %H:%M:%S %Y").isoformat()  # English day and month names, unless a locale is set
-    except ValueError:
-        raise RecordingError(f"{path}: {text!r} is not a time such as 'Tue Nov 19 20:02:23 2024'") from None

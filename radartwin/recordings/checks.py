@@ -25,27 +25,16 @@ CLIPPED_SHARE = 1e-3  # largest tolerated share of samples at full scale, by jud
 LOST_SHARE = 0.01  # a recording set is unusable if more than this share of frames has lost samples, even if the log reports the loss
 
 
-@dataclass(frozen=True)
-class Problem:
-    """A problem of a recording set: the file or place where it occurs, and one line of text with the problem and its remedy."""
-
-    where: str
-    text: str
-
-    def __str__(self) -> str:
-        return f"{self.where}: {self.text}"
-
-
 @dataclass
 class Report:
-    """The problems and notes that `examine` found. Problems make a recording set unusable, notes do not.
+    """The problems and notes that `examine` found, each one line of text that begins with the file or place.
 
-    `bytes` is the recordings' size.
+    Problems make a recording set unusable, notes do not. `bytes` is the recordings' size.
     """
 
     rows: list[Row] = field(default_factory=list)
-    problems: list[Problem] = field(default_factory=list)
-    notes: list[Problem] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
     card: Card | None = None
     radar: Radar | None = None
     bytes: int = 0
@@ -70,17 +59,17 @@ def examine(folder: str | Path, progress: Progress | None = None) -> Report:
         raise MissingError(f"{folder}: no such folder; give a recording set")
     try:
         report.card = Card.load(folder)
-        report.problems += [Problem(CARD, line) for line in report.card.problems()]
+        report.problems += [f"{CARD}: {line}" for line in report.card.problems()]
     except (UserError, OSError) as error:
-        report.problems.append(Problem(CARD, str(error).removeprefix(f"{folder / CARD}: ").removeprefix(f"{folder}: ")))
+        report.problems.append(f"{CARD}: {str(error).removeprefix(f'{folder / CARD}: ').removeprefix(f'{folder}: ')}")
     report.rows, index_problems = read_index(folder / INDEX)
-    report.problems += [Problem(INDEX, line) for line in index_problems]
+    report.problems += [f"{INDEX}: {line}" for line in index_problems]
     radars: list[tuple[str, Radar]] = []
     for row in (progress or Progress(quiet=True)).over(report.rows, "recordings"):
         where = f"{RECORDINGS}/{row.recording}"
         pair = recording_files(folder / RECORDINGS / row.recording)
         if missing := [path.name for path in pair if not path.is_file()]:
-            report.problems.append(Problem(where, f"{' and '.join(missing)} missing; record again or remove the row from {INDEX}"))
+            report.problems.append(f"{where}: {' and '.join(missing)} missing; record again or remove the row from {INDEX}")
             continue
         report.bytes += sum(path.stat().st_size for path in pair)
         try:
@@ -88,25 +77,27 @@ def examine(folder: str | Path, progress: Progress | None = None) -> Report:
                 files.inside(folder, f"{RECORDINGS}/{path.name}")
             recording = Recording.load(folder / RECORDINGS / row.recording)
         except (UserError, OSError) as error:
-            report.problems.append(Problem(where, str(error).replace(f"{folder / RECORDINGS}/", "")))
+            report.problems.append(f"{where}: {error}".replace(f"{folder / RECORDINGS}/", ""))
             continue
         report.frames += recording.num_frames
         radars.append((where, recording.radar))
         problems, notes = check_samples(recording, row, report.card)
-        if row.trajectory:
-            problems += _trajectory(folder, row, recording)
-        report.problems += [Problem(where, line) for line in problems]
-        report.notes += [Problem(where, line) for line in notes]
+        report.problems += [f"{where}: {line}" for line in (*problems, *_trajectory(folder, row, recording))]
+        report.notes += [f"{where}: {line}" for line in notes]
     if radars:
         report.radar = Counter(radar for _, radar in radars).most_common(1)[0][0]
         report.problems += [
-            Problem(where, f"its radar differs from the other recordings: {difference(radar, report.radar)}; make a separate set")
+            f"{where}: its radar differs from the other recordings: {difference(radar, report.radar)}; make a separate set"
             for where, radar in radars
             if not same_radar(radar, report.radar)
         ]
     elif not report.rows and not index_problems:
-        report.notes.append(Problem(INDEX, "the set has no recordings yet; add some with radartwin import"))
-    report.notes += _unindexed(folder, report.rows) if not index_problems else []
+        report.notes.append(f"{INDEX}: the set has no recordings yet; add some with radartwin import")
+    if not index_problems:  # recording files without a row in the index, for example from an interrupted import
+        known = {row.recording for row in report.rows}
+        for path in sorted((folder / RECORDINGS).glob("[!.]*")):
+            if path.suffix in (".bin", ".json") and path.stem not in known:
+                report.notes.append(f"{RECORDINGS}/{path.name}: {INDEX} has no row for it; add it again or remove it")
     return report
 
 
@@ -129,12 +120,8 @@ def check_samples(recording: Recording, row: Row, card: Card | None = None) -> t
             notes.append(text)
         else:
             problems.append(f"{text}; record again with a larger packet delay")
-    edge = (
-        0.0
-        if recording.radar.real_sampling
-        else float(np.mean([band_edge_db(recording.iq[frame]) for frame in spread_frames(recording.num_frames)]))
-    )
-    if edge < -EDGE_DB:
+    edge = np.mean([band_edge_db(recording.iq[frame]) for frame in spread_frames(recording.num_frames)])
+    if edge < -EDGE_DB and not recording.radar.real_sampling:
         flag = str(not recording.iq_swapped).lower()
         problems.append(
             f"I and Q seem exchanged: noise is {-edge:.1f} dB lower above zero beat frequency than below it; set iq_swapped to {flag}"
@@ -183,20 +170,14 @@ def frame_poses(path: Path, start_s: float, frames: int, rate_hz: float) -> np.n
 
 
 def _trajectory(folder: Path, row: Row, recording: Recording) -> Iterator[str]:
+    if not row.trajectory:
+        return
     path = folder / TRAJECTORIES / row.trajectory
     try:
         files.inside(folder, f"{TRAJECTORIES}/{row.trajectory}")
         frame_poses(path, row.start_s, recording.num_frames, recording.radar.frame_rate_hz)
     except (InputError, OSError) as error:
         yield str(error).removeprefix("trajectory ").replace(str(path), f"trajectory {row.trajectory}")
-
-
-def _unindexed(folder: Path, rows: list[Row]) -> Iterator[Problem]:
-    """Yield a problem for each recording file without a row in the index, for example from an interrupted import."""
-    known = {row.recording for row in rows}
-    for path in sorted((folder / RECORDINGS).glob("*")):
-        if path.suffix in (".bin", ".json") and path.stem not in known and not path.name.startswith("."):
-            yield Problem(f"{RECORDINGS}/{path.name}", f"{INDEX} has no row for it; add it again or remove it")
 
 
 def same_radar(radar: Radar, other: Radar) -> bool:

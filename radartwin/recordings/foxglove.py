@@ -10,26 +10,27 @@ radartwin.radar.point_messages.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
-from typing import Any, Protocol
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import Protocol
 
 import numpy as np
-from foxglove import Schema, messages
+from foxglove import Schema
+from foxglove import messages as fox
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from radartwin.radar import point_messages
-from radartwin.radar.detection import Peaks
+from radartwin.radar.detection import point_clouds
+from radartwin.radar.point_messages import FLOAT32, point_cloud2
+from radartwin.radar.power_maps import power_maps
 from radartwin.radar.processing import decibels
+from radartwin.radar.recording import Recording
 from radartwin.recordings.pictures import Picture
 
+WORLD, SENSOR, CAMERA = "world", "radar", "camera"  # frame ids
 PIXELS_PER_DB = 100.0
-_POINT_FIELDS = {point_messages.FLOAT32: messages.PackedElementFieldNumericType.Float32}
+_POINT_FIELDS = {FLOAT32: fox.PackedElementFieldNumericType.Float32}
 _NUMBER = {"type": "number"}
-_PROFILE = {
-    "timestamp": {"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}},
-    "frame_id": {"type": "string"}, "range_start_m": _NUMBER, "range_step_m": _NUMBER, "power_db": {"type": "array", "items": _NUMBER},
-}  # fmt: skip
 
 
 class Message(Protocol):
@@ -43,64 +44,71 @@ class Message(Protocol):
 
 @dataclass(frozen=True)
 class RangeProfile:
-    """The fields of a range profile: levels `power_db` at the ranges range_start_m + n range_step_m."""
+    """Levels in dB at the ranges range_start_m + n range_step_m. The time stamp has whole seconds `sec` and nanoseconds `nsec`."""
 
-    fields: dict[str, Any]
+    timestamp: dict[str, int]
+    frame_id: str
+    range_start_m: float
+    range_step_m: float
+    power_db: list[float]
 
     @staticmethod
     def get_schema() -> Schema:
-        content = {"title": "radartwin.RangeProfile", "type": "object", "properties": _PROFILE, "required": list(_PROFILE)}
+        fields = {
+            "timestamp": {"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}},
+            "frame_id": {"type": "string"}, "range_start_m": _NUMBER, "range_step_m": _NUMBER,
+            "power_db": {"type": "array", "items": _NUMBER},
+        }  # fmt: skip
+        content = {"title": "radartwin.RangeProfile", "type": "object", "properties": fields, "required": list(fields)}
         return Schema(name="radartwin.RangeProfile", encoding="jsonschema", data=json.dumps(content).encode())
 
     def encode(self) -> bytes:
-        return json.dumps(self.fields, allow_nan=False, separators=(",", ":")).encode()
+        return json.dumps(asdict(self), allow_nan=False, separators=(",", ":")).encode()
 
 
-def range_profile(time_ns: int, frame_id: str, range_m: NDArray[np.float64], power: NDArray[np.float64]) -> RangeProfile:
+def frame_messages(recording: Recording, frame: int, time_ns: int, floor_db: float) -> Iterator[tuple[str, Message]]:
+    """Yield topic and message of pose, maps and points of one frame."""
+    radar, iq = recording.radar, recording.iq[frame : frame + 1]
+    maps, stamp, poses = power_maps(iq, radar), _time(time_ns), recording.sensor_poses
+    if poses is not None:
+        position, rotation = _pose(poses[frame if len(poses) > 1 else 0])
+        frames = {"parent_frame_id": WORLD, "child_frame_id": SENSOR}
+        yield "/tf", fox.FrameTransform(timestamp=stamp, **frames, translation=position, rotation=rotation)
+        yield "/radar/pose", fox.PoseInFrame(timestamp=stamp, frame_id=WORLD, pose=fox.Pose(position=position, orientation=rotation))
     sec, nsec = divmod(time_ns, 1_000_000_000)
-    step_m = float(range_m[1] - range_m[0]) if len(range_m) > 1 else 0.0
-    values = {"sec": sec, "nsec": nsec}, frame_id, float(range_m[0]), step_m, np.round(decibels(power), 3).tolist()
-    return RangeProfile(dict(zip(_PROFILE, values, strict=True)))
+    step_m = float(maps.range_m[1]) if len(maps.range_m) > 1 else 0.0
+    levels_db = np.round(decibels(maps.range_time.mean(axis=0)), 3).tolist()
+    yield "/radar/range_profile", RangeProfile({"sec": sec, "nsec": nsec}, SENSOR, float(maps.range_m[0]), step_m, levels_db)
+    if radar.num_chirps > 1:
+        yield "/radar/range_doppler", _picture_of_map(stamp, maps.range_doppler, floor_db)
+    if radar.num_tx * radar.num_rx > 1:
+        # The columns run from the left of the radar (positive azimuth) to its right.
+        yield "/radar/range_azimuth", _picture_of_map(stamp, maps.range_azimuth[::-1], floor_db)
+        (peaks,) = point_clouds(iq, radar)
+        cloud, (position, rotation) = point_cloud2(peaks), _pose(np.eye(4))
+        yield "/radar/points", fox.PointCloud(
+            timestamp=stamp, frame_id=SENSOR, pose=fox.Pose(position=position, orientation=rotation), point_stride=cloud.point_step,
+            fields=[fox.PackedElementField(name=f.name, offset=f.offset, type=_POINT_FIELDS[f.datatype]) for f in cloud.fields],
+            data=cloud.data,
+        )  # fmt: skip
 
 
-def map_image(time_ns: int, frame_id: str, power: NDArray[np.float64], floor_db: float) -> messages.RawImage:
+def picture_message(picture: Picture) -> Message:
+    return fox.CompressedImage(timestamp=_time(picture.time_ns), frame_id=CAMERA, data=picture.read(), format=picture.kind)
+
+
+def _picture_of_map(stamp: fox.Timestamp, power: NDArray[np.float64], floor_db: float) -> fox.RawImage:
     """Return the picture of a power map (columns, range), whose pixels are levels above `floor_db` (see the module's docstring)."""
     pixels = np.clip(np.rint((decibels(power.T[::-1]) - floor_db) * PIXELS_PER_DB), 0, 65535).astype("<u2")
     height, width = pixels.shape
     size = {"width": width, "height": height, "encoding": "mono16", "step": 2 * width}
-    return messages.RawImage(timestamp=_time(time_ns), frame_id=frame_id, data=pixels.tobytes(), **size)
+    return fox.RawImage(timestamp=stamp, frame_id=SENSOR, data=pixels.tobytes(), **size)
 
 
-def picture(picture: Picture, frame_id: str) -> messages.CompressedImage:
-    return messages.CompressedImage(timestamp=_time(picture.time_ns), frame_id=frame_id, data=picture.read(), format=picture.kind)
+def _pose(pose: NDArray[np.float64]) -> tuple[fox.Vector3, fox.Quaternion]:
+    (x, y, z), rotation = pose[:3, 3].tolist(), Rotation.from_matrix(pose[:3, :3]).as_quat().tolist()
+    return fox.Vector3(x=x, y=y, z=z), fox.Quaternion(**dict(zip("xyzw", rotation, strict=True)))
 
 
-def point_cloud(time_ns: int, frame_id: str, peaks: Peaks) -> messages.PointCloud:
-    cloud = point_messages.point_cloud2(peaks)
-    fields = [messages.PackedElementField(name=f.name, offset=f.offset, type=_POINT_FIELDS[f.datatype]) for f in cloud.fields]
-    pose = messages.Pose(**_pose(np.eye(4)))
-    stamped = {"timestamp": _time(time_ns), "frame_id": frame_id}
-    return messages.PointCloud(**stamped, pose=pose, point_stride=cloud.point_step, fields=fields, data=cloud.data)
-
-
-def frame_transform(time_ns: int, parent: str, child: str, pose: NDArray[np.float64]) -> messages.FrameTransform:
-    """Return the transform of the frame `child` to the frame `parent` by a pose (4, 4)."""
-    both = _pose(pose)
-    names = {"parent_frame_id": parent, "child_frame_id": child}
-    return messages.FrameTransform(timestamp=_time(time_ns), **names, translation=both["position"], rotation=both["orientation"])
-
-
-def pose_in_frame(time_ns: int, frame_id: str, pose: NDArray[np.float64]) -> messages.PoseInFrame:
-    return messages.PoseInFrame(timestamp=_time(time_ns), frame_id=frame_id, pose=messages.Pose(**_pose(pose)))
-
-
-def _pose(pose: NDArray[np.float64]) -> dict[str, Any]:
-    rotation = Rotation.from_matrix(pose[:3, :3]).as_quat()
-    return {
-        "position": messages.Vector3(**dict(zip("xyz", pose[:3, 3].tolist(), strict=True))),
-        "orientation": messages.Quaternion(**dict(zip("xyzw", rotation.tolist(), strict=True))),
-    }
-
-
-def _time(time_ns: int) -> messages.Timestamp:
-    return messages.Timestamp(*divmod(time_ns, 1_000_000_000))
+def _time(time_ns: int) -> fox.Timestamp:
+    return fox.Timestamp(*divmod(time_ns, 1_000_000_000))

@@ -22,6 +22,7 @@ from radartwin.io.progress import Progress
 from radartwin.radar import dca1000
 from radartwin.radar.captures import CUBES, few, load_capture
 from radartwin.radar.chirp import Radar
+from radartwin.radar.description_files import present
 from radartwin.radar.layouts import FULL_SCALE
 from radartwin.radar.recording import Recording
 from radartwin.recordings import roverd
@@ -158,10 +159,8 @@ def plan(source: Path, shared: Mapping[str, Any], mapping: CaptureMap, say: Call
                 raise InputError(f"{capture}: it has the same {same} as {other.capture}; give different values in a mapping file")
         if "trajectory" in columns:
             inside(root, trajectory)
-        if trajectory and not (root / trajectory).is_file():
-            raise MissingError(f"{root / trajectory}: no such trajectory file; give its path relative to {root}")
         if trajectory:
-            read_track(root / trajectory)
+            read_track(present(root / trajectory, f"give the path of a trajectory relative to {root}"))
         plans.append(Plan(capture, row, root / trajectory if trajectory else None))
     return plans
 

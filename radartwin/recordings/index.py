@@ -6,14 +6,13 @@ import csv
 import io
 import math
 import re
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from radartwin.errors import InputError, RecordingError
-from radartwin.radar.description_files import read_text
+from radartwin.radar.description_files import read_csv
 
 INDEX, RECORDINGS, TRAJECTORIES = "index.csv", "recordings", "trajectories"  # index file and folders within a recording set
 COLUMNS = ("recording", "object", "distance_m", "room", "motion", "repetition", "trajectory", "split")
@@ -121,26 +120,19 @@ def read_index(path: Path) -> tuple[list[Row], list[str]]:
     if not path.exists():
         return [], []
     try:
-        reader = csv.reader(io.StringIO(read_text(path), newline=""), strict=True)
+        header, lines = read_csv(path)
     except RecordingError as error:
         return [], [str(error).removeprefix(f"{path}: ")]
-    try:
-        lines = [(reader.line_num, values) for values in reader if any(value.strip() for value in values)]
-    except csv.Error as error:
-        return [], [f"line {reader.line_num}: {error}; write valid CSV"]
-    if not lines:
+    if not header:
         return [], [f"it is empty; the first line names the columns {','.join(COLUMNS)}"]
-    header = [name.strip() for name in lines[0][1]]
     if missing := [name for name in REQUIRED if name not in header]:
         separated = "; separate the columns by commas" if len(header) == 1 else ""
         return [], [f"line 1: it has no column {', '.join(missing)}{separated}"]
-    if twice := [name for name, count in Counter(header).items() if count > 1]:
-        return [], [f"line 1: column {twice[0] or 'without a name'} occurs twice"]
     rows: list[Row] = []
     found: list[str] = []
     names: dict[str, int] = {}
     conditions: dict[tuple[Any, ...], int] = {}
-    for number, values in lines[1:]:
+    for number, values in lines:
         if len(values) != len(header):
             found.append(f"line {number}: it has {len(values)} values for {len(header)} columns")
             continue

@@ -21,7 +21,6 @@ matches the value of an index column.
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -29,8 +28,9 @@ from pathlib import Path
 from typing import Any
 
 from radartwin.errors import InputError, MissingError
+from radartwin.radar.captures import few
 from radartwin.radar.dca1000 import capture_prefix
-from radartwin.radar.description_files import read_text, read_yaml
+from radartwin.radar.description_files import read_csv, read_yaml
 
 _TOKEN = re.compile(r"(\*\*)|(\*)|\{([A-Za-z_]\w*)\}")
 
@@ -59,8 +59,6 @@ def read_mapping(path: str | Path) -> CaptureMap:
         InputError: the mapping file is invalid; the message names the line or the entry.
     """
     path = Path(path)
-    if not path.is_file():
-        raise MissingError(f"{path}: no such mapping file; give a .yaml or .csv")
     if path.suffix == ".csv":
         return _of_csv(path)
     if path.suffix in (".yaml", ".yml"):
@@ -90,18 +88,14 @@ def columns_of(captures: Sequence[Path], root: Path, entries: Iterable[Entry]) -
                 matched = True
                 out[i] = {**(out[i] or {}), **match.groupdict(), **entry.columns}
         if not matched:
-            raise MissingError(f"{root}: no capture matches '{entry.file}' of the mapping; there are {_examples(captures, root)}")
+            names = few([capture.relative_to(root).as_posix() for capture in captures])
+            raise MissingError(f"{root}: no capture matches '{entry.file}' of the mapping; there are {names}")
     return out
 
 
 def _names(capture: Path, root: Path) -> tuple[str, ...]:
     relative = capture.relative_to(root)
     return tuple(relative.with_name(name).as_posix() for name in (capture_prefix(capture), relative.stem, relative.name))
-
-
-def _examples(captures: Sequence[Path], root: Path) -> str:
-    names = [capture.relative_to(root).as_posix() for capture in captures[:3]]
-    return ", ".join(names) + (f" and {len(captures) - 3} more" if len(captures) > 3 else "")
 
 
 def _compiled(pattern: str) -> re.Pattern[str]:
@@ -118,17 +112,13 @@ def _compiled(pattern: str) -> re.Pattern[str]:
 
 
 def _of_csv(path: Path) -> CaptureMap:
-    try:
-        reader = csv.DictReader(read_text(path).splitlines(), strict=True)
-        lines = [(reader.line_num, line) for line in reader]
-    except csv.Error as error:
-        raise InputError(f"{path}: {error}; write CSV in UTF-8") from None
-    if "file" not in (reader.fieldnames or ()):
+    header, lines = read_csv(path)
+    if "file" not in header:
         raise InputError(f"{path}: line 1: no column 'file'; name the columns file,object,distance_m,...")
-    for number, line in lines:
-        if None in line or None in line.values():
+    for number, cells in lines:
+        if len(cells) != len(header):
             raise InputError(f"{path}: line {number}: expected one value per column")
-    return CaptureMap(entries=[_entry(f"{path}: line {number}", line) for number, line in lines])
+    return CaptureMap(entries=[_entry(f"{path}: line {number}", dict(zip(header, cells, strict=True))) for number, cells in lines])
 
 
 def _of_yaml(path: Path) -> CaptureMap:

@@ -30,7 +30,7 @@ from radartwin.errors import InputError, MissingError, OutputError, RecordingErr
 from radartwin.io import files
 from radartwin.radar.chirp import Radar
 from radartwin.radar.dca1000 import frame_bytes
-from radartwin.radar.description_files import read_json
+from radartwin.radar.description_files import present, read_json
 from radartwin.radar.recording import Recording, recording_files
 from radartwin.recordings.card import CARD, Card
 from radartwin.recordings.checks import difference, frame_poses, same_radar
@@ -159,9 +159,13 @@ class RecordingSet:
         """
         recording = Recording.load(self.path(row))
         if recording.sensor_poses is None and row.trajectory:
-            path = files.inside(self.folder, f"{TRAJECTORIES}/{row.trajectory}")
-            recording.sensor_poses = frame_poses(path, row.start_s, recording.num_frames, recording.radar.frame_rate_hz)
+            recording.sensor_poses = self._driven(row, recording.radar, recording.num_frames)
         return recording
+
+    def _driven(self, row: Row, radar: Radar, frames: int) -> NDArray[np.float64]:
+        """Return the poses (F, 4, 4) of a recording from its trajectory file."""
+        path = files.inside(self.folder, f"{TRAJECTORIES}/{row.trajectory}")
+        return frame_poses(path, row.start_s, frames, radar.frame_rate_hz)
 
     def digest(self, row: Row) -> str:
         """Return 32 hexadecimal digits that change with the content of the recording.
@@ -180,13 +184,10 @@ class RecordingSet:
         The returned poses are None for a radar at rest. The method `course` raises the same errors as `read`.
         """
         radar, (samples, described) = read_radar_of(self.path(row)), recording_files(self.path(row))
-        if not samples.is_file():
-            raise MissingError(f"{samples}: no such file; a recording needs a .bin and a .json of the same name")
-        frames = samples.stat().st_size // frame_bytes(radar)
+        frames = present(samples, "a recording needs a .bin and a .json of the same name").stat().st_size // frame_bytes(radar)
         poses = read_json(described).get("sensor_poses")
         if poses is None and row.trajectory:
-            path = files.inside(self.folder, f"{TRAJECTORIES}/{row.trajectory}")
-            return radar, frames, frame_poses(path, row.start_s, frames, radar.frame_rate_hz)
+            return radar, frames, self._driven(row, radar, frames)
         return radar, frames, np.asarray(poses, float) if poses is not None and len(poses) == frames > 1 else None
 
     def add(self, recording: Recording, row: Row, trajectory: str | Path | None = None) -> Row:
@@ -223,9 +224,7 @@ class RecordingSet:
             if not (self.folder / INDEX).exists():
                 files.write_atomically(self.folder / INDEX, index_text([]))
             if trajectory is not None:
-                if not trajectory.is_file():
-                    raise MissingError(f"{trajectory}: no such trajectory file; check the path")
-                read_track(trajectory)
+                read_track(present(trajectory))
                 files.write_atomically(self.folder / TRAJECTORIES / row.trajectory, trajectory.read_bytes())
             recording.save(self.path(row))
             files.sync(self.folder / RECORDINGS, deep=False)
@@ -236,9 +235,7 @@ class RecordingSet:
 
 def read_radar_of(path: Path) -> Radar:
     """Read the radar of a recording without reading the samples. Raise MissingError or RecordingError if its file is missing or invalid."""
-    described = recording_files(path)[1]
-    if not described.is_file():
-        raise MissingError(f"{described}: no such file; a recording needs a .bin and a .json of the same name")
+    described = present(recording_files(path)[1], "a recording needs a .bin and a .json of the same name")
     try:
         return Radar.from_dict(read_json(described).get("radar", {}))
     except (ValueError, TypeError) as error:

@@ -26,14 +26,13 @@ from typing import Any
 
 import numpy as np
 
-from radartwin.errors import InputError, MissingError, RecordingError
+from radartwin.errors import InputError, RecordingError
 from radartwin.io import files
-from radartwin.io.git_lfs import refuse_pointer
 from radartwin.radar import dca1000
 from radartwin.radar.boards import IWR1642BOOST, IWR1843BOOST
 from radartwin.radar.captures import band_edge_db
 from radartwin.radar.chirp import Radar
-from radartwin.radar.description_files import read_json, read_yaml
+from radartwin.radar.description_files import present, read_json, read_yaml
 from radartwin.radar.layouts import Layout
 from radartwin.radar.recording import Recording, gathered
 
@@ -70,12 +69,15 @@ def read_trace(
     folder, trace = channel.parent, channel.parent.parent
     if not isinstance(radar, Radar):
         radar = radar_of(trace) if radar is None else Radar.described(radar, board)[0]
-    shape, expected = _shape(folder / "meta.json"), [*dca1000.frame_shape(radar)[:-1], 2 * radar.num_samples]
+    described = read_json(folder / "meta.json").get("iq")
+    if not isinstance(described, dict) or described.get("format") != "raw" or described.get("type") not in ("i2", "<i2", "i16"):
+        raise RecordingError(f"{folder / 'meta.json'}: it describes no channel iq of format raw and type i2; copy the whole trace")
+    shape, expected = described.get("shape"), [*dca1000.frame_shape(radar)[:-1], 2 * radar.num_samples]
     if shape != expected:
         raise RecordingError(f"{folder / 'meta.json'}: iq has shape {shape}, not {expected} of radar {radar.name}; give its radar")
     swapped = iq_swapped is not False
     stored = dca1000.SampleFile([channel], radar, Layout(real=radar.real_sampling, q_first=swapped))
-    times = _values(folder / "ts", "<f8")
+    times = np.fromfile(present(folder / "ts", "copy the whole trace"), "<f8")
     if not cut and (stored.rest or len(times) < stored.frames):
         raise RecordingError(f"{stored.leftover(radar)}, and {folder / 'ts'} holds {len(times)} times; drop the end with --cut")
     notes = [f"the last frame is incomplete and dropped ({stored.rest} of {stored.frame_bytes} bytes)"] if stored.rest else []
@@ -93,7 +95,7 @@ def read_trace(
         notes.append(f"frames are missing at {gaps} places, where the times have gaps")
     columns = {"started": datetime.fromtimestamp(float(times[chosen[0]]), UTC).isoformat(timespec="seconds")}
     if (folder / "valid").is_file():
-        valid = np.pad(_values(folder / "valid", "u1"), (0, stored.frames))  # a frame without a value counts as incomplete
+        valid = np.pad(np.fromfile(folder / "valid", "u1"), (0, stored.frames))  # a frame without a value counts as incomplete
         lost = int(np.count_nonzero(valid[chosen] == 0))
         columns["lost_packets"] = str(lost)  # each of these frames lacks at least one packet
         notes += [f"{lost} of {len(chosen)} frames have lost packets, which are zeros"] if lost else []
@@ -112,9 +114,7 @@ def radar_of(trace: Path) -> Radar:
         MissingError: config.yaml does not exist.
         RecordingError: config.yaml lacks a setting of the radar, or names another device.
     """
-    path = trace / "config.yaml"
-    if not path.is_file():
-        raise MissingError(f"{path}: no such file, so the waveform is unknown; copy it, or give the radar with --radar")
+    path = present(trace / "config.yaml", "copy it, or give the radar with --radar")
     try:
         settings: Any = read_yaml(path, "sensors")["radar"]["args"]["radar"]
         board, slope = _BOARDS[settings.get("device", "AWR1843")], 1e12 * float(settings["freq_slope"])
@@ -135,24 +135,6 @@ def radar_of(trace: Path) -> Radar:
         raise RecordingError(f"{path}: radar.args.radar has no {error}, or it is no known device; give the radar with --radar") from None
     except (TypeError, ValueError, AttributeError, ZeroDivisionError) as error:
         raise RecordingError(f"{path}: {error}; give the radar with --radar") from error
-
-
-def _shape(path: Path) -> Any:
-    """Return the shape of a frame of the channel iq from meta.json, after a check of its format and type."""
-    if not path.is_file():
-        raise MissingError(f"{path}: no such file, so the channels are unknown; copy the whole trace")
-    channel = read_json(path).get("iq")
-    if not isinstance(channel, dict) or channel.get("format") != "raw" or str(channel.get("type")).lstrip("<") not in ("i2", "i16"):
-        raise RecordingError(f"{path}: it describes no channel iq of format raw and type i2; copy the whole trace")
-    return channel.get("shape")
-
-
-def _values(path: Path, kind: str) -> np.ndarray:
-    """Read a channel with one number per frame."""
-    if not path.is_file():
-        raise MissingError(f"{path}: no such file; copy the whole trace")
-    refuse_pointer(path)
-    return np.fromfile(path, kind)
 
 
 def _poses(path: Path, frames: int) -> tuple[np.ndarray, np.ndarray]:

@@ -29,8 +29,7 @@ from radartwin.errors import BackendError, OutputError
 from radartwin.io import files
 from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
-from radartwin.radar.detection import point_clouds
-from radartwin.radar.power_maps import doppler_bins, power_maps, range_bins
+from radartwin.radar.power_maps import doppler_bins, range_bins
 from radartwin.radar.processing import range_axis, velocity_axis
 from radartwin.radar.recording import Recording
 from radartwin.recordings.pictures import Picture
@@ -40,7 +39,6 @@ if TYPE_CHECKING:
 
     from radartwin.recordings.foxglove import Message
 
-WORLD, SENSOR, CAMERA = "world", "radar", "camera"  # frame ids
 # Level of a black pixel. Foxglove shows the pixels 0 to 10,000 of a mono16 picture by default, which are the 100 dB above the floor.
 FLOOR_DB, FLOOR_COUNTS_DB = -200.0, -20.0  # for amplitudes (relative to the transmitted power) and for ADC counts
 
@@ -126,7 +124,7 @@ def _messages(
     recording: Recording, start_ns: int, floor_db: float, pictures: list[Picture], progress: Progress | None
 ) -> Iterator[tuple[int, str, Message]]:
     """Yield time, topic and message of the whole timeline in the order of time."""
-    from radartwin.recordings import foxglove
+    from radartwin.recordings.foxglove import frame_messages, picture_message
 
     waiting = list(reversed(pictures))
     with contextlib.ExitStack() as stack:
@@ -134,32 +132,12 @@ def _messages(
         for block in recording.frame_blocks(1):  # blocks of one frame
             time_ns = frame_time_ns(recording.radar, block.start, start_ns)
             while waiting and waiting[-1].time_ns < time_ns:
-                picture = waiting.pop()
-                yield picture.time_ns, "/camera/image", foxglove.picture(picture, CAMERA)
-            for topic, message in _frame(recording, block.start, time_ns, floor_db):
+                yield waiting[-1].time_ns, "/camera/image", picture_message(waiting.pop())
+            for topic, message in frame_messages(recording, block.start, time_ns, floor_db):
                 yield time_ns, topic, message
             advance()
     for picture in reversed(waiting):
-        yield picture.time_ns, "/camera/image", foxglove.picture(picture, CAMERA)
-
-
-def _frame(recording: Recording, frame: int, time_ns: int, floor_db: float) -> Iterator[tuple[str, Message]]:
-    """Yield topic and message of one frame."""
-    from radartwin.recordings import foxglove
-
-    radar, iq = recording.radar, recording.iq[frame : frame + 1]
-    maps = power_maps(iq, radar)
-    if recording.sensor_poses is not None:
-        pose = recording.sensor_poses[frame if len(recording.sensor_poses) > 1 else 0]
-        yield "/tf", foxglove.frame_transform(time_ns, WORLD, SENSOR, pose)
-        yield "/radar/pose", foxglove.pose_in_frame(time_ns, WORLD, pose)
-    yield "/radar/range_profile", foxglove.range_profile(time_ns, SENSOR, maps.range_m, maps.range_time.mean(axis=0))
-    if radar.num_chirps > 1:
-        yield "/radar/range_doppler", foxglove.map_image(time_ns, SENSOR, maps.range_doppler, floor_db)
-    if radar.num_tx * radar.num_rx > 1:
-        # The columns run from the left of the radar (positive azimuth) to its right.
-        yield "/radar/range_azimuth", foxglove.map_image(time_ns, SENSOR, maps.range_azimuth[::-1], floor_db)
-        yield "/radar/points", foxglove.point_cloud(time_ns, SENSOR, *point_clouds(iq, radar))
+        yield picture.time_ns, "/camera/image", picture_message(picture)
 
 
 def _metadata(recording: Recording, start_ns: int, floor_db: float) -> dict[str, str]:

@@ -6,22 +6,17 @@ import json
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from made_files import log_text, refused, studio_json
+from made_files import LFS, log_text, refused, studio_json
 
-from radartwin.radar.array_table import read_array
 from radartwin.radar.captures import load_capture
 from radartwin.radar.chirp import Radar
 from radartwin.radar.process_capture import process_capture
-from radartwin.radar.studio_log import read_log
-from radartwin.recordings.mapping import read_mapping
-from radartwin.recordings.pictures import Picture
-from radartwin.scene.trajectories.file import read_track
 
 # Range in metres and azimuth in degrees of the only target, from ../shared/field/README.md; None where the README states no azimuth.
 ROWS = {
@@ -218,7 +213,6 @@ def test_second_set_of_captures_is_read_as_described(kind: str, tmp_path: Path) 
     assert_single_target(process_capture(capture, radar=radar), recording.radar, RANGE_M, AZIMUTH_DEG)
 
 
-LFS = b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 5\n"
 HEADED = b"".join(part.tobytes() for part in with_headers(words(echo(PAIR, ROW, 6))))
 PLAIN = b"".join(chirp.tobytes() for chirp in words(echo(PAIR, ROW, 6)))
 SETUP = {"configUsed": "C:\\captures\\walk.mmwave.json", "capturedFiles": {"files": [{"processedFileName": "walk.bin"}]}}
@@ -298,21 +292,6 @@ REFUSALS: dict[str, tuple[dict[str, object], list[str], str]] = {
         "give the .bin of the capture, and this file as radar",
     ),
 }
-
-
-READERS: dict[str, Callable[[Path], object]] = {
-    **dict.fromkeys(("a.cfg", "a.mmwave.json", "a.yaml"), Radar.from_file), "array.csv": read_array, "array.yaml": read_array,
-    **dict.fromkeys(("a.npy", "a.npz", "a.bin"), load_capture), "a_LogFile.csv": read_log,
-    "map.csv": read_mapping, "map.yaml": read_mapping, "track.txt": read_track, "track.mcap": read_track,
-    "0.1.png": lambda path: Picture(path, 0, "png").read(),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", READERS)
-def test_each_reader_names_a_git_lfs_pointer(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path(name).write_bytes(LFS)
-    refused([f"{name}: it is a Git LFS pointer"], READERS[name], Path(name))
 
 
 @pytest.mark.parametrize("kind", REFUSALS)
