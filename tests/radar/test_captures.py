@@ -215,6 +215,9 @@ def test_second_set_of_captures_is_read_as_described(kind: str, tmp_path: Path) 
 
 HEADED = b"".join(part.tobytes() for part in with_headers(words(echo(PAIR, ROW, 6))))
 PLAIN = b"".join(chirp.tobytes() for chirp in words(echo(PAIR, ROW, 6)))
+UNSIGNED = (np.frombuffer(PLAIN, "<u2") ^ 0x8000).tobytes()
+REORDERED = np.concatenate(words(echo(PAIR, ROW, 6), "QIQI")).tobytes()
+STUDIO = ["--radar", "a.mmwave.json"]
 SETUP = {"configUsed": "C:\\captures\\walk.mmwave.json", "capturedFiles": {"files": [{"processedFileName": "walk.bin"}]}}
 LOW_POWER = "channelCfg 7 3 0\nchirpComnCfg 8 0 0 256 4 28 0\nchirpTimingCfg 6 63 0 75 60\nframeCfg 2 0 200 64 250 0\n"
 
@@ -233,70 +236,47 @@ def with_phases(listed: str, **values: object) -> dict[str, object]:
     """Return a mmWave Studio file that changes the phase of one chirp."""
     content = json.loads(studio())
     content["mmWaveDevices"][0]["rfConfig"][listed] = [{"structure": {"chirpStartIdx": 1, "chirpEndIdx": 1, **values}}]
-    return content
+    return {"a.mmwave.json": content}
 
 
-# For each refusal: the files, the options of `radartwin process a.bin --radar a.cfg`, and words of the message.
-REFUSALS: dict[str, tuple[dict[str, object], list[str], str]] = {
-    "packet headers": ({"a.bin": packets(PLAIN)}, [], "packet headers of the DCA1000"),
-    "packets in another order": ({"a.bin": packets(PLAIN, (0, 2, 1, 4))}, [], "packet headers of the DCA1000"),
-    "no header at the first chirp": ({"a.bin": HEADED[100:]}, ["--cut"], "bytes without a header"),
-    "binary phases of a chirp": (
-        {"a.mmwave.json": with_phases("rlBpmChirps", constBpmVal="0x3")},
-        ["--radar", "a.mmwave.json"],
-        "rlBpmChirps changes the phases",
-    ),
-    "phase shifts of a chirp": (
-        {"a.mmwave.json": with_phases("rlRfPhaseShiftCfgs", tx0PhaseShift=32)},
-        ["--radar", "a.mmwave.json"],
-        "rlRfPhaseShiftCfgs changes the phases",
-    ),
-    "pointer to samples": ({"a.bin": LFS}, [], "a.bin: it is a Git LFS pointer"),
-    "pointer to a part": ({"p_Raw_0.bin": PLAIN, "p_Raw_1.bin": LFS}, ["p_Raw_0.bin"], "p_Raw_1.bin: it is a Git LFS pointer"),
-    "cut last frame": ({"a.bin": PLAIN[:-1000]}, [], "after 2 frames, 14360 are left over; .* --cut"),
-    "cut first frame": ({"a.bin": PLAIN[:1000]}, ["--cut"], "after 0 frames, 1000 are left over; .* record again"),
-    "headers of other chirps": (
-        {"a.bin": b"".join(c.tobytes()[:640] for c in with_headers([np.zeros(320, "<u2")] * 9))},
-        [],
-        "736 bytes apart",
-    ),
-    "lost header beside user data": ({"a.bin": HEADED[:17008] + bytes(96) + HEADED[17104:]}, [], "headers .* were lost"),
-    "unsigned counts": (
-        {"a.bin": (np.frombuffer(PLAIN, "<u2") ^ 0x8000).tobytes()},
-        [],
-        "its counts seem unsigned; put the cf.json .*MSBToggle",
-    ),
-    "other order of words": (
-        {"a.bin": np.concatenate(words(echo(PAIR, ROW, 6), "QIQI")).tobytes()},
-        [],
-        "I0 Q0 I1 Q1; put the cf.json .*reorderEnable",
-    ),
-    "order of words against the card": ({"cf.json": card(reorderEnable=1)}, [], "I0 I1 Q0 Q1; correct the cf.json .*reorderEnable"),
-    "signs against the card": ({"cf.json": card(MSBToggle=1)}, [], "its counts seem signed; correct the cf.json .*MSBToggle"),
-    "separated data types": ({"cf.json": card("multi")}, [], "'multi' separates"),
-    "low-power format": ({"a.cfg": LOW_POWER}, [], "line 2: chirpComnCfg: the low-power configuration format of xWRL6432"),
-    "parameters beside samples": ({"a.cfg": cfg("lvdsStreamCfg -1 1 4 0")}, [], "content 4 is not supported"),
-    "binary phases": ({"a.cfg": cfg("bpmCfg -1 1 0 1")}, [], "bpm 1 is not supported"),
-    "unknown number of bits": ({"a.cfg": cfg(adc="3 1")}, [], "adc_bits 3 is not supported"),
-    "board without a known chip": ({"a.cfg": cfg("% Platform:xWR18xx_AOP")}, [], "'% Platform:xWR18xx_AOP' .* --board"),
-    "unknown board": ({}, ["--board", "IWR9"], "board 'IWR9' is unknown; choose IWR1843BOOST, "),
-    "board without TX3": ({}, ["--board", "IWR1642BOOST"], "do not fit a IWR1642BOOST"),
-    "channels that are no sums": ({"a.cfg": cfg("antGeometry0 0 1 2 3 4 5 6 9\nantGeometry1" + 8 * " 0")}, [], "must be the sums"),
-    "signs that are no signs": ({"a.cfg": cfg(f"antGeometry0 {AOP0}\nantGeometry1 {AOP1}\nantPhaseRot" + 12 * " 2")}, [], "1 or -1"),
-    "command in another encoding": ({"a.cfg": b"frameCfg \xe9 1\n"}, [], "line 1: not readable text"),
-    "setup file": ({"s.setup.json": SETUP}, ["--radar", "s.setup.json"], "give walk.mmwave.json, which it names"),
-    "setup file in place of samples": ({"s.json": SETUP, "s.bin": None}, ["s.json"], r"give walk.bin, and walk.mmwave.json as radar"),
-    "description in place of samples": (
-        {"d.json": json.loads(studio())},
-        ["d.json"],
-        "give the .bin of the capture, and this file as radar",
-    ),
+OTHER_CHIRPS = b"".join(part.tobytes()[:640] for part in with_headers([np.zeros(320, "<u2")] * 9))
+# For each refusal: words of the message, the files, and the options of `radartwin process a.bin --radar a.cfg`.
+REFUSALS: dict[str, tuple[str, dict[str, object], list[str]]] = {
+    "packet headers": ("packet headers of the DCA1000", {"a.bin": packets(PLAIN)}, []),
+    "packets in another order": ("packet headers of the DCA1000", {"a.bin": packets(PLAIN, (0, 2, 1, 4))}, []),
+    "no header at the first chirp": ("bytes without a header", {"a.bin": HEADED[100:]}, ["--cut"]),
+    "headers of other chirps": ("736 bytes apart", {"a.bin": OTHER_CHIRPS}, []),
+    "lost header beside user data": ("headers .* were lost", {"a.bin": HEADED[:17008] + bytes(96) + HEADED[17104:]}, []),
+    "pointer to samples": ("a.bin: it is a Git LFS pointer", {"a.bin": LFS}, []),
+    "pointer to a part": ("p_Raw_1.bin: it is a Git LFS pointer", {"p_Raw_0.bin": PLAIN, "p_Raw_1.bin": LFS}, ["p_Raw_0.bin"]),
+    "cut last frame": ("after 2 frames, 14360 are left over; .* --cut", {"a.bin": PLAIN[:-1000]}, []),
+    "cut first frame": ("after 0 frames, 1000 are left over; .* record again", {"a.bin": PLAIN[:1000]}, ["--cut"]),
+    "unsigned counts": ("counts seem unsigned; put the cf.json .*MSBToggle", {"a.bin": UNSIGNED}, []),
+    "other order of words": ("I0 Q0 I1 Q1; put the cf.json .*reorderEnable", {"a.bin": REORDERED}, []),
+    "order of words against the card": ("I0 I1 Q0 Q1; correct the cf.json .*reorderEnable", {"cf.json": card(reorderEnable=1)}, []),
+    "signs against the card": ("counts seem signed; correct the cf.json .*MSBToggle", {"cf.json": card(MSBToggle=1)}, []),
+    "separated data types": ("'multi' separates", {"cf.json": card("multi")}, []),
+    "low-power format": ("line 2: chirpComnCfg: the low-power configuration format of xWRL6432", {"a.cfg": LOW_POWER}, []),
+    "parameters beside samples": ("content 4 is not supported", {"a.cfg": cfg("lvdsStreamCfg -1 1 4 0")}, []),
+    "binary phases": ("bpm 1 is not supported", {"a.cfg": cfg("bpmCfg -1 1 0 1")}, []),
+    "binary phases of a chirp": ("rlBpmChirps changes the phases", with_phases("rlBpmChirps", constBpmVal="0x3"), STUDIO),
+    "phase shifts of a chirp": ("rlRfPhaseShiftCfgs changes", with_phases("rlRfPhaseShiftCfgs", tx0PhaseShift=32), STUDIO),
+    "unknown number of bits": ("adc_bits 3 is not supported", {"a.cfg": cfg(adc="3 1")}, []),
+    "board without a known chip": ("'% Platform:xWR18xx_AOP' .* --board", {"a.cfg": cfg("% Platform:xWR18xx_AOP")}, []),
+    "unknown board": ("board 'IWR9' is unknown; choose IWR1843BOOST, ", {}, ["--board", "IWR9"]),
+    "board without TX3": ("do not fit a IWR1642BOOST", {}, ["--board", "IWR1642BOOST"]),
+    "channels that are no sums": ("must be the sums", {"a.cfg": cfg("antGeometry0 0 1 2 3 4 5 6 9\nantGeometry1" + 8 * " 0")}, []),
+    "signs that are no signs": ("1 or -1", {"a.cfg": cfg(f"antGeometry0 {AOP0}\nantGeometry1 {AOP1}\nantPhaseRot" + 12 * " 2")}, []),
+    "command in another encoding": ("line 1: not readable text", {"a.cfg": b"frameCfg \xe9 1\n"}, []),
+    "setup file": ("give walk.mmwave.json, which it names", {"s.setup.json": SETUP}, ["--radar", "s.setup.json"]),
+    "setup file in place of samples": (r"give walk.bin, and walk.mmwave.json as radar", {"s.json": SETUP, "s.bin": None}, ["s.json"]),
+    "description in place of samples": ("the .bin of the capture, and this file as radar", {"d.json": json.loads(studio())}, ["d.json"]),
 }
 
 
 @pytest.mark.parametrize("kind", REFUSALS)
 def test_capture_is_refused_in_one_line(kind: str, tmp_path: Path, inside) -> None:
-    changes, options, message = REFUSALS[kind]
+    message, changes, options = REFUSALS[kind]
     for name, content in {"a.bin": PLAIN, "a.cfg": cfg(), **changes}.items():
         if content is not None:
             data = json.dumps(content) if isinstance(content, dict) else content

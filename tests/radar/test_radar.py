@@ -80,6 +80,9 @@ def test_description_round_trips_through_json_and_yaml(tmp_path):
         ({"frame_rate_hz": 1000.0}, "frame_rate_hz"),
         ({"real_sampling": "false"}, "real_sampling"),
         ({"transmit_power_dbm": TOO_LARGE}, "transmit_power_dbm"),
+        ({"tx_gains_db": (1.0,)}, "tx_gains_db must be 2"),
+        ({"rx_gains_db": (1.0, 2.0, 3.0, float("nan"))}, "rx_gains_db must be 4"),
+        ({"rx_positions_m": ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))}, "antennas 1 and 2 are at the same position"),
     ],
 )
 def test_invalid_field_is_named_with_the_file(tmp_path, change, field):

@@ -214,13 +214,28 @@ def test_unsigned_cube_is_read_as_signed_counts(tmp_path):
     np.testing.assert_array_equal(loaded.iq[0], counts[0] + 1j * counts[1])
 
 
-def test_cube_needs_a_radar_of_its_shape(tmp_path):
-    np.save(tmp_path / "cube.npy", np.zeros((8, 8, 60), complex))
+CUBES = {
+    "does not fit radar": {"iq": np.zeros((8, 8, 60), complex)},
+    "zero frames": {"iq": np.zeros((0, 8, 2, 4, 64), complex)},
+    "it has no array iq": {"cube": np.zeros((2, 2), complex)},
+    "expected complex samples, or int16": {"iq": np.zeros((2, 2))},
+    "sensor_poses must be": {"iq": np.ones(SHAPE, np.complex64), "poses": np.eye(3)},
+}
+
+
+@pytest.mark.parametrize("words", CUBES)
+def test_cube_that_is_no_recording_of_the_radar_is_refused(tmp_path, words):
+    np.savez(tmp_path / "cube.npz", allow_pickle=False, **CUBES[words])
+    refused([words], load_capture, tmp_path / "cube.npz", RADAR, error=RecordingError)
+    if list(CUBES[words]) == ["iq"]:
+        np.save(tmp_path / "cube.npy", CUBES[words]["iq"])
+        refused(["cube.npy", words], load_capture, tmp_path / "cube.npy", RADAR, error=RecordingError)
+
+
+def test_cube_without_a_radar_and_text_are_refused(tmp_path):
     (tmp_path / "text.npy").write_text("no array")
-    np.save(tmp_path / "none_left.npy", np.zeros((0, 8, 2, 4, 64), complex))
-    refused(["cube.npy", "radar"], load_capture, tmp_path / "cube.npy", error=RecordingError)
-    for name, words in {"cube": "does not fit", "none": "no such file", "text": "readable", "none_left": "zero frames"}.items():
-        refused([f"{name}.npy", words], load_capture, tmp_path / f"{name}.npy", RADAR)
+    refused(["text.npy", "give it as radar"], load_capture, tmp_path / "text.npy", error=RecordingError)
+    refused(["text.npy", "readable"], load_capture, tmp_path / "text.npy", RADAR)
 
 
 @pytest.mark.parametrize("value", [np.nan, -np.inf, 1e300j])

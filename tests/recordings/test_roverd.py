@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import yaml
 
-from radartwin.radar.chirp import Radar
 from radartwin.recordings import roverd
 from radartwin.recordings.recording_set import RecordingSet
 
@@ -195,23 +194,3 @@ def test_cube_with_poses_is_imported(tmp_path: Path, inside) -> None:
         np.testing.assert_array_equal(recording.iq, iq[1:5])
         assert recording.sensor_poses is not None
         np.testing.assert_allclose(recording.sensor_poses, poses[1:5], atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("arrays", "words"),
-    [
-        ({"cube": np.zeros((2, 2), complex)}, "it has no array iq"),
-        ({"iq": np.zeros((2, 2))}, "expected complex samples, or int16"),
-        ({"iq": np.ones((FRAMES, CHIRPS, TX, RX, SAMPLES + 2), np.complex64)}, "does not fit radar"),
-        ({"iq": np.ones((FRAMES, CHIRPS, TX, RX, SAMPLES), np.complex64), "poses": np.eye(3)}, "sensor_poses must be"),
-    ],
-)
-def test_wrong_cube_is_refused_in_one_line(tmp_path: Path, inside, arrays: dict[str, np.ndarray], words: str) -> None:
-    write_trace(tmp_path / "trace", echoes())
-    radar: Radar = roverd.radar_of(tmp_path / "trace")
-    (tmp_path / "radar.yaml").write_text(yaml.safe_dump(json.loads(json.dumps(radar.to_dict()))))
-    np.savez(tmp_path / "cube.npz", allow_pickle=False, **arrays)
-    done = inside("import", "cube.npz", "--out", "set", "--radar", "radar.yaml", *ABOUT)
-    assert done.returncode == 2
-    assert words in done.stderr
-    assert len(done.stderr.splitlines()) == 1
