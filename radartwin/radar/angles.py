@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from radartwin.errors import InputError
 from radartwin.radar.chirp import Radar
 from radartwin.radar.covariance import Covariance, covariance, uniform_step
-from radartwin.radar.field_checks import is_number
+from radartwin.radar.field_checks import is_number, is_whole
 from radartwin.radar.processing import azimuth_row, response, unit_vectors
 
 Complex = NDArray[np.inexact]
@@ -33,10 +33,6 @@ Real = NDArray[np.float64]
 Positions = NDArray[np.floating]
 
 METHODS = ("bartlett", "capon", "music")
-
-
-def _is_whole(value: object) -> bool:
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 @dataclass(frozen=True)
@@ -62,10 +58,9 @@ class AngleMethod:
             raise InputError(f"angle method {self.name!r} is unknown; use one of {', '.join(METHODS)}")
         if not is_number(self.loading) or self.loading < 0:
             raise InputError(f"angle method {self.name}: loading must be a number of at least 0, not {self.loading!r}")
-        if not _is_whole(self.subarray) or self.subarray < 0:
-            raise InputError(f"angle method {self.name}: subarray must be a whole number of antennas, or 0, not {self.subarray!r}")
-        if not _is_whole(self.sources) or self.sources < 0:
-            raise InputError(f"angle method {self.name}: sources must be a whole number, not {self.sources!r}")
+        for name in ("subarray", "sources"):
+            if not is_whole(value := getattr(self, name)) or value < 0:
+                raise InputError(f"angle method {self.name}: {name} must be a whole number of at least 0, not {value!r}")
 
 
 BARTLETT = AngleMethod()

@@ -47,7 +47,7 @@ from numpy.typing import ArrayLike, NDArray
 from radartwin.compiled import compiled, fixed, shared_out
 from radartwin.errors import InputError
 from radartwin.radar.antenna import element_gain
-from radartwin.radar.field_checks import is_number
+from radartwin.radar.field_checks import is_number, is_whole
 
 COPIES = 3  # number of displaced copies of the wave of an antenna
 NEAREST_M, FARTHEST_M = 0.005, 0.03  # smallest and largest displacement of a copy
@@ -77,7 +77,7 @@ class AntennaErrors:
         for name in ("side_lobe_db", "back_lobe_db", "ripple_db"):
             if not (is_number(value := getattr(self, name)) and value <= 0):
                 raise InputError(f"antenna_errors: {name} must be a finite number of at most 0, not {value!r}")
-        if isinstance(self.board, bool) or not isinstance(self.board, int) or self.board < 0:
+        if not is_whole(self.board) or self.board < 0:
             raise InputError(f"antenna_errors: board must be a whole number of at least 0, not {self.board!r}")
 
     def scaled(self, strength: float) -> AntennaErrors | None:

@@ -29,12 +29,11 @@ from radartwin.radar.antenna import ELEMENTS
 from radartwin.radar.description_files import read_csv, read_yaml, with_numbers
 from radartwin.radar.field_checks import check_distinct
 
-UNITS = ("m", "half_wavelength")
 MAX_SPAN_M = 2.0  # largest plausible size of an array along an axis, in metres; positions of a larger array are in another unit
 MAX_GAIN_DB = 100.0  # no antenna has a larger gain or loss
 _COMMON = ("design_frequency_hz", "pattern")  # columns whose value is the same in all rows
 _COLUMNS = ("antenna", *_COMMON, "gain_db")
-_POSITION = re.compile(r"[xyz]_(\w+)")
+_POSITION = re.compile("[xyz]_(m|half_wavelength)")
 
 
 def read_array(path: str | Path) -> dict[str, Any]:
@@ -111,11 +110,8 @@ def _rows(path: Path) -> list[dict[str, Any]]:
 def _unit(path: Path, rows: list[dict[str, Any]]) -> str:
     """Return the unit of the positions. Raise RecordingError for an unknown column, an unknown unit, or positions in two units."""
     positions = sorted({name for row in rows for name in row} - set(_COLUMNS))
-    for name in positions:
-        if not (position := _POSITION.fullmatch(name)):
-            raise RecordingError(f"{path}: unknown column {name!r}; known columns: {', '.join(_COLUMNS)}, x_m, x_half_wavelength")
-        if position[1] not in UNITS:
-            raise RecordingError(f"{path}: unit {position[1]!r} of column {name} is unknown; use one of {', '.join(UNITS)}")
+    if unknown := [name for name in positions if not _POSITION.fullmatch(name)]:
+        raise RecordingError(f"{path}: unknown column {unknown[0]!r}; known columns: {', '.join(_COLUMNS)}, x_m, x_half_wavelength")
     if len(units := {name[2:] for name in positions}) != 1:
         raise RecordingError(f"{path}: positions must be in one unit; name the columns x_m, y_m, z_m or x_half_wavelength, ...")
     return units.pop()

@@ -161,15 +161,14 @@ def description_beside(path: Path) -> Path:
     Raises:
         MissingError: the folder has no such file, or several .mmwave.json files with different names.
     """
-    found = sorted(path.parent.glob("*.mmwave.json"))
-    same = [p for p in found if p.name.removesuffix(".mmwave.json") == path.stem]
     if (plain := path.with_suffix(".json")).is_file() and "mmWaveDevices" in read_json(plain):
         return plain
-    if len(found) == 1 or same:
-        return (same or found)[0]
-    if found:
-        raise MissingError(f"{path}: {len(found)} .mmwave.json files are beside it; give the right file as radar (--radar)")
-    raise MissingError(f"{path}: neither {path.stem}.json nor a .mmwave.json is beside it; give a radar file as radar (--radar)")
+    found = sorted(path.parent.glob("*.mmwave.json"))
+    same = [p for p in found if p.name == f"{path.stem}.mmwave.json"]
+    if len(same or found) != 1:
+        several, none = f"{len(found)} .mmwave.json files are", f"neither {path.stem}.json nor a .mmwave.json is"
+        raise MissingError(f"{path}: {several if found else none} beside it; give the right radar file as radar (--radar)")
+    return (same or found)[0]
 
 
 def spread_frames(frames: int) -> list[int]:
@@ -314,26 +313,26 @@ def _cube(path: Path, radar: Radar) -> _Source:
         raise RecordingError(f"{path}: it has zero frames; record again")
     cube = cube.reshape(count, *shape, *([2] if pairs else []))
 
-    def plain(first: int, count: int) -> NDArray[np.complexfloating]:
+    def parts(first: int, count: int) -> NDArray[Any]:
+        """Return the real and the imaginary parts (2, count, chirp, tx, rx, sample) of frames."""
         scratch.release(cube)  # the pages of the frames before
         block = cube[first : first + count]
-        return block[..., 0] + 1j * block[..., 1] if pairs else block
+        return np.moveaxis(block, -1, 0) if pairs else np.stack([block.real, block.imag])
 
     unsigned, largest = True, 0.0  # whether all real and imaginary parts are whole numbers from 0 to 65535, and the largest part
     for frame in range(count):
-        samples = plain(frame, 1)
-        with np.errstate(over="ignore"):  # a value beyond the range of complex64 becomes infinite
-            if not np.isfinite(samples.astype(np.complex64)).all():
+        values = parts(frame, 1)
+        with np.errstate(over="ignore"):  # a value beyond the range of float32 becomes infinite
+            if not np.isfinite(values.astype(np.float32)).all():
                 raise RecordingError(f"{path}: frame {frame} holds NaN or infinite samples; record or simulate it again")
-        parts = np.stack([samples.real, samples.imag])
-        largest = max(largest, float(parts.max()))
-        unsigned = unsigned and parts.min() >= 0 and largest <= 65535 and np.array_equal(parts, np.rint(parts))
+        largest = max(largest, float(values.max()))
+        unsigned = unsigned and values.min() >= 0 and largest <= 65535 and np.array_equal(values, np.rint(values))
 
     def read(first: int, count: int) -> NDArray[np.complex64]:
-        block = plain(first, count)
+        values = parts(first, count)
         if unsigned and largest > FULL_SCALE:  # 16 bits whose sign was lost
-            real, imag = (part.astype(np.uint16).view(np.int16) for part in (block.real, block.imag))
-            block = real + 1j * imag.astype(np.float64)
-        return np.asarray(block, np.complex64)
+            values = values.astype(np.uint16).view(np.int16)
+        real, imag = values.astype(np.float32)
+        return real + np.complex64(1j) * imag
 
     return _Source(path, radar, count, read, stored.get("poses"))

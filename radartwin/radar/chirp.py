@@ -29,7 +29,7 @@ from radartwin.radar.antenna import ELEMENTS, element_gain
 from radartwin.radar.antenna_errors import AntennaErrors
 from radartwin.radar.boards import IWR1843BOOST, Position
 from radartwin.radar.description_files import read_description
-from radartwin.radar.field_checks import check_distinct, from_mapping, is_number
+from radartwin.radar.field_checks import check_distinct, from_mapping, is_number, is_whole
 from radartwin.radar.if_filter import IfFilter
 from radartwin.radar.phase_noise import PhaseNoise
 from radartwin.radar.ti_files import Description
@@ -87,7 +87,7 @@ class Radar:
         for name in ("start_frequency_hz", "slope_hz_per_s", "sample_rate_hz", "chirp_interval", "frame_rate_hz"):
             self._require(name, lambda value: is_number(value) and value > 0, "a positive number")
         for name in ("num_samples", "num_chirps"):
-            self._require(name, _is_count, f"a whole number from 1 to {_MAX_COUNT}")
+            self._require(name, lambda value: is_whole(value) and 1 <= value <= _MAX_COUNT, f"a whole number from 1 to {_MAX_COUNT}")
         for name in ("noise_figure_db", "transmit_power_dbm"):
             self._require(name, is_number, "a finite number")
         self._require("real_sampling", lambda value: isinstance(value, bool), "true or false")
@@ -301,10 +301,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {name: _plain(item) for name, item in value.items()}
     return [_plain(item) for item in value] if isinstance(value, tuple | list) else value
-
-
-def _is_count(value: Any) -> bool:
-    return not isinstance(value, bool) and isinstance(value, int | np.integer) and bool(1 <= value <= _MAX_COUNT)
 
 
 def _positions(radar: str, name: str, positions: Any) -> tuple[Position, ...]:

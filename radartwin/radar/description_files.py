@@ -77,11 +77,9 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def read_yaml(path: Path, content: str) -> dict[str, Any]:
-    """Read a YAML file that holds a mapping. Raise RecordingError if the file is malformed; the message names the line of a syntax error.
+    """Read a YAML file that holds a mapping. Raise RecordingError, with the line of a syntax error, if the file is malformed.
 
-    Args:
-        path: path of the YAML file.
-        content: description of the mapping's content in error messages, for example "radar fields".
+    Error messages describe the mapping by `content`, for example "radar fields".
     """
     import yaml
 

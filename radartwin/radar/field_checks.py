@@ -25,6 +25,10 @@ def is_number(value: Any) -> bool:
         return False
 
 
+def is_whole(value: Any) -> bool:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
 def from_mapping(kind: Any, name: str, values: Any) -> Any:
     """Build an instance of a dataclass from a mapping of its fields.
 

@@ -48,17 +48,13 @@ class PointCloud2:
     data: bytes
     is_dense: bool
 
-    def points(self) -> NDArray[np.void]:
-        """Return the points (width,) as a structured array with the fields x, y, z, velocity and intensity."""
-        return np.frombuffer(self.data, dtype=POINT)
-
 
 def point_cloud2(peaks: Peaks) -> PointCloud2:
     """Pack the peaks of a frame, for example of `radartwin.radar.detection.point_clouds`.
 
     >>> one, none = np.ones(1), np.full(1, np.nan)
     >>> cloud = point_cloud2(Peaks(2 * one, 0.5 * one, 0 * one, none, 100 * one, one))
-    >>> cloud.points()[0].item()
+    >>> np.frombuffer(cloud.data, POINT)[0].item()
     (2.0, 0.0, 0.0, 0.5, 20.0)
     >>> cloud.width, cloud.point_step, len(cloud.data)
     (1, 20, 20)

@@ -83,15 +83,7 @@ def process_capture(
 
 
 def _draw(maps: PowerMaps, name: str, peaks: Peaks, unit: str, title: str) -> Figure:
-    """Draw one power map with range as the vertical axis. Markers show the detected peaks in the maps over Doppler and azimuth.
-
-    Args:
-        maps: power maps of the recording.
-        name: name of the map to draw: range_time, range_doppler or range_azimuth.
-        peaks: detected peaks.
-        unit: unit of the power in the label of the colour bar, such as "dB of transmitted power".
-        title: title of the picture.
-    """
+    """Draw one power map with range as the vertical axis, and mark the detected peaks in the maps over Doppler and azimuth."""
     import matplotlib
 
     marks = None

@@ -30,6 +30,7 @@ from radartwin.radar.field_checks import check_rigid
 from radartwin.radar.layouts import FULL_SCALE, Layout
 
 _FORMAT = "radartwin recording 1"
+_PAIR = "a recording needs a .bin and a .json of the same name"
 # If a recording has no scale, `save` writes the recording's largest value as this ADC count, which is 6 dB below clipping.
 _PEAK_COUNT = FULL_SCALE // 2
 _BLOCK_BYTES = 64 << 20
@@ -63,31 +64,26 @@ class Recording:
     provenance: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        where, expected = f"recording of radar {self.radar.name}", dca1000.frame_shape(self.radar)
         self.iq = np.asarray(self.iq, dtype=np.complex64)
-        expected = dca1000.frame_shape(self.radar)
         if self.iq.ndim != 5 or self.iq.shape[1:] != expected:
-            raise RecordingError(
-                f"recording of radar {self.radar.name}: iq must be [frame, chirp, tx, rx, sample] = (F, "
-                f"{', '.join(map(str, expected))}), not {self.iq.shape}"
-            )
+            axes = f"[frame, chirp, tx, rx, sample] = (F, {', '.join(map(str, expected))})"
+            raise RecordingError(f"{where}: iq must be {axes}, not {self.iq.shape}")
         if self.num_frames < 1:
-            raise RecordingError(f"recording of radar {self.radar.name}: it has zero frames; give at least one")
+            raise RecordingError(f"{where}: it has zero frames; give at least one")
         if self.scale is not None:
             _check_scale(self.scale, "recording")
         if self.sensor_poses is not None:
             try:
                 self.sensor_poses = np.asarray(self.sensor_poses, dtype=np.float64)
             except (TypeError, ValueError, OverflowError):
-                raise RecordingError(f"recording of radar {self.radar.name}: sensor_poses must be numbers, (frames, 4, 4)") from None
+                self.sensor_poses = np.empty(0)
             if self.sensor_poses.shape not in ((self.num_frames, 4, 4), (1, 4, 4)):
-                raise RecordingError(
-                    f"recording of radar {self.radar.name}: sensor_poses must be ({self.num_frames}, 4, 4) or "
-                    f"(1, 4, 4), not {self.sensor_poses.shape}"
-                )
+                raise RecordingError(f"{where}: sensor_poses must be numbers of the shape ({self.num_frames}, 4, 4) or (1, 4, 4)")
             try:
-                check_rigid(self.sensor_poses, "sensor_poses")
+                check_rigid(self.sensor_poses, f"{where}: sensor_poses")
             except PoseError as error:
-                raise RecordingError(f"recording of radar {self.radar.name}: {error}") from None
+                raise RecordingError(str(error)) from None
 
     @property
     def num_frames(self) -> int:
@@ -152,21 +148,13 @@ class Recording:
             RecordingError: the .json file is malformed or does not match the .bin file, or the .bin file is truncated or empty.
         """
         bin_path, json_path = recording_files(path)
-        for needed in (bin_path, json_path):
-            present(needed, "a recording needs a .bin and a .json of the same name")
-        described = read_json(json_path)
-        for key in ("radar", "scale"):
-            if key not in described:
-                raise RecordingError(f"{json_path}: it has no {key!r}; give the .json file of a recording that RadarTwin saved")
+        present(bin_path, _PAIR)
+        radar, described = read_described(path)
         if (written := described.get("format", _FORMAT)) != _FORMAT:
             raise RecordingError(
                 f"{json_path}: format {reprlib.repr(written)} is not '{_FORMAT}'; save the recording again with this version"
             )
-        try:
-            radar = Radar.from_dict(described["radar"])
-        except (ValueError, TypeError) as error:
-            raise RecordingError(f"{json_path}: {error}") from error
-        scale = _check_scale(described["scale"], str(json_path))
+        scale = _check_scale(described.get("scale"), str(json_path))
         swapped = described.get("iq_swapped", False)
         if not isinstance(swapped, bool):
             raise RecordingError(f"{json_path}: iq_swapped must be true or false, not {reprlib.repr(swapped)}")
@@ -210,6 +198,23 @@ class Recording:
             "provenance": self.provenance,
             "sensor_poses": None if self.sensor_poses is None else self.sensor_poses.tolist(),
         }
+
+
+def read_described(path: str | Path) -> tuple[Radar, dict[str, Any]]:
+    """Read the radar of a recording and the content of its .json file, without reading the samples.
+
+    Raises:
+        MissingError: the .json file is missing.
+        RecordingError: the .json file is malformed.
+    """
+    json_path = present(recording_files(path)[1], _PAIR)
+    content = read_json(json_path)
+    try:
+        return Radar.from_dict(content["radar"]), content
+    except KeyError:
+        raise RecordingError(f"{json_path}: it has no 'radar'; give the .json file of a recording that RadarTwin saved") from None
+    except (ValueError, TypeError) as error:
+        raise RecordingError(f"{json_path}: {error}") from error
 
 
 def refuse_foreign(path: str | Path) -> None:

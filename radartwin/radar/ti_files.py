@@ -123,7 +123,6 @@ class Setup(NamedTuple):
         lists: numbers of the commands in _LISTS.
         platform: name after "% Platform:", or None.
         assumed: name of the board to assume if nothing else names it, or None.
-        cfg: whether the description is a .cfg.
     """
 
     numbers: Numbers
@@ -132,7 +131,6 @@ class Setup(NamedTuple):
     lists: Mapping[str, list[float]]
     platform: str | None = None
     assumed: str | None = None
-    cfg: bool = False
 
 
 class Description(NamedTuple):
@@ -155,10 +153,8 @@ class Description(NamedTuple):
 
 def parse_cfg(text: str) -> Setup:
     """Parse the text of a mmWave SDK .cfg file. Raise RecordingError if the text is malformed; the message names the line."""
-    needed = {command: 0 for command in _LISTS}  # smallest number of arguments of each known command
-    for field in FIELDS:
-        if field.cfg:
-            needed[field.command] = max(needed.get(field.command, 0), field.position + 1 if field.default is _REQUIRED else 0)
+    needed = dict.fromkeys((*_LISTS, *(field.command for field in FIELDS if field.cfg)), 0)  # smallest number of arguments of each command
+    needed |= {field.command: field.position + 1 for field in FIELDS if field.cfg and field.default == _REQUIRED}
     sections: list[dict[str, list[tuple[str, list[float]]]]] = [{}]
     assumed = None
     for number, line in enumerate(text.splitlines(), start=1):
@@ -189,14 +185,16 @@ def parse_cfg(text: str) -> Setup:
             out[field.name] = _checked(field, values[field.position] if len(values) > field.position else field.default, place)
         return out
 
+    general = numbers([field for field in FIELDS if field.cfg and field.command not in _PARTS])
+    if general["separate"] == 0:  # the four lanes of xWR14xx carry I before Q, although their only adcbufCfg (0 1 0 1) has SampleSwap 1
+        general["q_first"] = None if general["q_first"] is None else 0
     platforms = re.findall(r"(?i)%\s*Platform\s*:\s*(\S+)", text)
     return Setup(
-        numbers([field for field in FIELDS if field.cfg and field.command not in _PARTS]),
+        general,
         *([numbers(_fields_of(part), n) for n in range(len(commands[part]))] for part in _PARTS),
         lists={name: commands[name][-1][1] for name in _LISTS if name in commands},
         platform=platforms[-1] if platforms else None,
         assumed=assumed,
-        cfg=True,
     )
 
 
@@ -273,8 +271,7 @@ def describe(name: str, setup: Setup, board: str | None = None) -> Description:
         raise RecordingError("laneEn 0xf is not supported with chInterleave 1; use two LVDS lanes (0x3), or four lanes with chInterleave 0")
     layout = Layout(
         real=real,
-        # The four lanes of xWR14xx carry I before Q, although their only adcbufCfg (0 1 0 1) has SampleSwap 1.
-        q_first=None if numbers["q_first"] is None else numbers["q_first"] == 1 and not (setup.cfg and interleaved),
+        q_first=None if numbers["q_first"] is None else numbers["q_first"] == 1,
         interleaved=interleaved,
         bits=12 + 2 * numbers["adc_bits"],
         image_filtered=numbers["adc_format"] == 1,
@@ -284,11 +281,7 @@ def describe(name: str, setup: Setup, board: str | None = None) -> Description:
 
 
 def _fired(setup: Setup) -> tuple[list[int], Numbers]:
-    """Return the transmitters of one loop by their numbers from 0, in firing order, and the profile of their chirps.
-
-    Raises:
-        RecordingError: the frame does not consist of chirps of equal profiles with one transmitter at a time (time division).
-    """
+    """Return the transmitters of one loop by their numbers from 0, in firing order, and the only profile of their chirps."""
     masks: list[int] = []
     profiles: list[Numbers] = []
     known = {profile["identity"]: profile for profile in setup.profiles}  # the last of several profiles with the same number counts

@@ -68,10 +68,6 @@ def examine(folder: str | Path, progress: Progress | None = None) -> Report:
     for row in (progress or Progress(quiet=True)).over(report.rows, "recordings"):
         where = f"{RECORDINGS}/{row.recording}"
         pair = recording_files(folder / RECORDINGS / row.recording)
-        if missing := [path.name for path in pair if not path.is_file()]:
-            report.problems.append(f"{where}: {' and '.join(missing)} missing; record again or remove the row from {INDEX}")
-            continue
-        report.bytes += sum(path.stat().st_size for path in pair)
         try:
             for path in pair:
                 files.inside(folder, f"{RECORDINGS}/{path.name}")
@@ -79,6 +75,7 @@ def examine(folder: str | Path, progress: Progress | None = None) -> Report:
         except (UserError, OSError) as error:
             report.problems.append(f"{where}: {error}".replace(f"{folder / RECORDINGS}/", ""))
             continue
+        report.bytes += sum(path.stat().st_size for path in pair)
         report.frames += recording.num_frames
         radars.append((where, recording.radar))
         problems, notes = check_samples(recording, row, report.card)

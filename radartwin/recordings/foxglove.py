@@ -12,7 +12,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from typing import Protocol
 
 import numpy as np
 from foxglove import Schema
@@ -31,15 +30,6 @@ WORLD, SENSOR, CAMERA = "world", "radar", "camera"  # frame ids
 PIXELS_PER_DB = 100.0
 _POINT_FIELDS = {FLOAT32: fox.PackedElementFieldNumericType.Float32}
 _NUMBER = {"type": "number"}
-
-
-class Message(Protocol):
-    """A message of Foxglove, or one with the same two methods."""
-
-    @staticmethod
-    def get_schema() -> Schema: ...
-
-    def encode(self) -> bytes: ...
 
 
 @dataclass(frozen=True)
@@ -64,6 +54,9 @@ class RangeProfile:
 
     def encode(self) -> bytes:
         return json.dumps(asdict(self), allow_nan=False, separators=(",", ":")).encode()
+
+
+Message = fox.FrameTransform | fox.PoseInFrame | fox.RawImage | fox.PointCloud | fox.CompressedImage | RangeProfile
 
 
 def frame_messages(recording: Recording, frame: int, time_ns: int, floor_db: float) -> Iterator[tuple[str, Message]]:

@@ -96,7 +96,7 @@ class Row:
 
 
 def row_of(values: Mapping[str, Any]) -> Row:
-    """Make an index row from a mapping of column names to texts. Raise InputError with one line of text that names every problem."""
+    """Make an index row from a mapping of column names to texts. Raise InputError with one line of text that names the problems."""
     text = {str(key): "" if value is None else str(value).strip() for key, value in values.items()}
     found = [f"column {column} is missing" for column in REQUIRED if column not in text]
     numbers: dict[str, Any] = {}
@@ -105,12 +105,10 @@ def row_of(values: Mapping[str, Any]) -> Row:
             numbers[column] = kind(text[column]) if text.get(column) else empty
         except ValueError:
             found.append(f"{column} {text[column]!r} is not {what}")
-            numbers[column] = 1
-    words = {column: text.get(column, "") for column in COLUMNS if column not in numbers and (column in text or column not in REQUIRED)}
-    if len(words) == len(COLUMNS) - len(numbers):
+    if not found:
+        words = {column: text.get(column, "") for column in COLUMNS if column not in numbers}
         row = Row(**words, **numbers, extra={key: value for key, value in text.items() if key not in COLUMNS and value})
-        found += row.problems()
-        if not found:
+        if not (found := row.problems()):
             return row
     raise InputError("; ".join(found))
 

@@ -32,7 +32,8 @@ from radartwin.radar.captures import few
 from radartwin.radar.dca1000 import capture_prefix
 from radartwin.radar.description_files import read_csv, read_yaml
 
-_TOKEN = re.compile(r"(\*\*)|(\*)|\{([A-Za-z_]\w*)\}")
+_TOKEN = re.compile(r"(\*\*|\*|\{[A-Za-z_]\w*\})")
+_TEXTS = {"**": ".*", "*": "[^/]*"}
 
 
 @dataclass(frozen=True)
@@ -76,11 +77,8 @@ def columns_of(captures: Sequence[Path], root: Path, entries: Iterable[Entry]) -
         MissingError: an entry of the mapping file matches no capture.
         InputError: a pattern names the same column twice.
     """
-    entries = list(entries)
-    if not entries:
-        return [{} for _ in captures]
     out: list[dict[str, str] | None] = [None] * len(captures)
-    for entry in entries:
+    for entry in list(entries) or [Entry("**", {})]:
         pattern, matched = _compiled(entry.file), False
         for i, capture in enumerate(captures):
             match = next((m for name in _names(capture, root) if (m := pattern.fullmatch(name))), None)
@@ -99,14 +97,11 @@ def _names(capture: Path, root: Path) -> tuple[str, ...]:
 
 
 def _compiled(pattern: str) -> re.Pattern[str]:
-    parts, end = [], 0
-    for token in _TOKEN.finditer(pattern):
-        folders, any_text, column = token.groups()
-        parts.append(re.escape(pattern[end : token.start()]))
-        parts.append(".*" if folders else "[^/]*" if any_text else f"(?P<{column}>[^/]+?)")
-        end = token.end()
+    expression = ""
+    for text in _TOKEN.split(pattern):
+        expression += _TEXTS.get(text) or (f"(?P<{text[1:-1]}>[^/]+?)" if _TOKEN.fullmatch(text) else re.escape(text))
     try:
-        return re.compile("".join(parts) + re.escape(pattern[end:]))
+        return re.compile(expression)
     except re.error as error:
         raise InputError(f"pattern '{pattern}': {error}") from None
 

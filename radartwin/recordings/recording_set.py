@@ -30,8 +30,8 @@ from radartwin.errors import InputError, MissingError, OutputError, RecordingErr
 from radartwin.io import files
 from radartwin.radar.chirp import Radar
 from radartwin.radar.dca1000 import frame_bytes
-from radartwin.radar.description_files import present, read_json
-from radartwin.radar.recording import Recording, recording_files
+from radartwin.radar.description_files import present
+from radartwin.radar.recording import Recording, read_described, recording_files
 from radartwin.recordings.card import CARD, Card
 from radartwin.recordings.checks import difference, frame_poses, same_radar
 from radartwin.recordings.index import COLUMNS, INDEX, RECORDINGS, TRAJECTORIES, Row, describe, index_text, read_index
@@ -116,7 +116,7 @@ class RecordingSet:
         """The radar of all recordings in the set. Raises MissingError if the set contains no recordings."""
         if not self.rows:
             raise MissingError(f"{self.folder}: the set has no recordings yet; add some with radartwin import")
-        return read_radar_of(self.path(self.rows[0]))
+        return read_described(self.path(self.rows[0]))[0]
 
     def path(self, row: Row) -> Path:
         """Return the path of the files of a row's recording, without the suffix .bin or .json. Raise InputError if a file is a link that
@@ -183,9 +183,9 @@ class RecordingSet:
 
         The returned poses are None for a radar at rest. The method `course` raises the same errors as `read`.
         """
-        radar, (samples, described) = read_radar_of(self.path(row)), recording_files(self.path(row))
-        frames = present(samples, "a recording needs a .bin and a .json of the same name").stat().st_size // frame_bytes(radar)
-        poses = read_json(described).get("sensor_poses")
+        radar, content = read_described(self.path(row))
+        frames = present(recording_files(self.path(row))[0]).stat().st_size // frame_bytes(radar)
+        poses = content.get("sensor_poses")
         if poses is None and row.trajectory:
             return radar, frames, self._driven(row, radar, frames)
         return radar, frames, np.asarray(poses, float) if poses is not None and len(poses) == frames > 1 else None
@@ -231,15 +231,6 @@ class RecordingSet:
             self.rows = [*current.rows, row]
             files.write_atomically(self.folder / INDEX, index_text(self.rows))
         return row
-
-
-def read_radar_of(path: Path) -> Radar:
-    """Read the radar of a recording without reading the samples. Raise MissingError or RecordingError if its file is missing or invalid."""
-    described = present(recording_files(path)[1], "a recording needs a .bin and a .json of the same name")
-    try:
-        return Radar.from_dict(read_json(described).get("radar", {}))
-    except (ValueError, TypeError) as error:
-        raise RecordingError(f"{described}: {error}") from error
 
 
 def _matches(value: Any, condition: Any) -> bool:

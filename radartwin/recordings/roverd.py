@@ -131,10 +131,9 @@ def radar_of(trace: Path) -> Radar:
             frame_rate_hz=1e3 / float(settings["frame_period"]),
             element=board.element,
         )
-    except KeyError as error:
-        raise RecordingError(f"{path}: radar.args.radar has no {error}, or it is no known device; give the radar with --radar") from None
-    except (TypeError, ValueError, AttributeError, ZeroDivisionError) as error:
-        raise RecordingError(f"{path}: {error}; give the radar with --radar") from error
+    except (KeyError, TypeError, ValueError, AttributeError, ZeroDivisionError) as error:
+        reason = f"radar.args.radar has no {error}, or it is no known device" if isinstance(error, KeyError) else error
+        raise RecordingError(f"{path}: {reason}; give the radar with --radar") from error
 
 
 def _poses(path: Path, frames: int) -> tuple[np.ndarray, np.ndarray]:

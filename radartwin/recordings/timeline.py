@@ -1,24 +1,13 @@
 """Write a recording as a timeline: an MCAP file that Foxglove plays, with maps, detections, poses and pictures of each frame.
 
-| topic | schema | content of a message |
-|---|---|---|
-| /radar/range_profile | radartwin.RangeProfile | mean power over chirps and channels at each range, in dB |
-| /radar/range_doppler | foxglove.RawImage | power over range and radial velocity, averaged over channels |
-| /radar/range_azimuth | foxglove.RawImage | power over range and azimuth, averaged over chirps |
-| /radar/points | foxglove.PointCloud | points of radartwin.radar.detection.point_clouds in the layout of radartwin.radar.point_messages |
-| /tf | foxglove.FrameTransform | pose of the sensor frame `radar` in the frame `world` |
-| /radar/pose | foxglove.PoseInFrame | the same pose |
-| /camera/image | foxglove.CompressedImage | a picture of the camera |
-
-Frame f is stamped with the start of its first chirp, start + f/frame_rate. The maps of a frame are those of radartwin.radar.power_maps for
-this frame alone. The file is written frame by frame, so that the memory does not grow with the length of the file. The file has a temporary
-name until it is complete. Format: mcap.dev/spec. Messages of Foxglove are in Protobuf, which Foxglove and rerun decode; range profiles are
-in JSON.
+docs/timelines.md lists topics and messages. Frame f is stamped with the start of its first chirp, start + f/frame_rate. The maps of a frame
+are those of radartwin.radar.power_maps for this frame alone. The file is written frame by frame, so that the memory does not grow with the
+length of the file. The file has a temporary name until it is complete. Format: mcap.dev/spec. Messages of Foxglove are in Protobuf, which
+Foxglove and rerun decode; range profiles are in JSON.
 """
 
 from __future__ import annotations
 
-import contextlib
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -127,15 +116,12 @@ def _messages(
     from radartwin.recordings.foxglove import frame_messages, picture_message
 
     waiting = list(reversed(pictures))
-    with contextlib.ExitStack() as stack:
-        advance = stack.enter_context(progress.task("frames", recording.num_frames)) if progress else lambda: None
-        for block in recording.frame_blocks(1):  # blocks of one frame
-            time_ns = frame_time_ns(recording.radar, block.start, start_ns)
-            while waiting and waiting[-1].time_ns < time_ns:
-                yield waiting[-1].time_ns, "/camera/image", picture_message(waiting.pop())
-            for topic, message in frame_messages(recording, block.start, time_ns, floor_db):
-                yield time_ns, topic, message
-            advance()
+    for frame in (progress or Progress(quiet=True)).over(range(recording.num_frames), "frames"):
+        time_ns = frame_time_ns(recording.radar, frame, start_ns)
+        while waiting and waiting[-1].time_ns < time_ns:
+            yield waiting[-1].time_ns, "/camera/image", picture_message(waiting.pop())
+        for topic, message in frame_messages(recording, frame, time_ns, floor_db):
+            yield time_ns, topic, message
     for picture in reversed(waiting):
         yield picture.time_ns, "/camera/image", picture_message(picture)
 

@@ -22,7 +22,7 @@ ARRAYS = [
     ("a.csv", "antenna,y_m\ntx,0\nrx,0.01\nrx,0.01\n", ("rx", "1 and 2", "same position")),
     ("a.csv", "antenna,y_m\ntx,nan\nrx,0\nrx,0.01\n", ("antenna 1", "y_m", "finite")),
     ("a.csv", "antenna,y_m\ntx,wide\nrx,0\nrx,0.01\n", ("antenna 1", "wide")),
-    ("a.csv", "antenna,y_mm\ntx,0\nrx,0\nrx,2\n", ("unit 'mm'", "half_wavelength")),
+    ("a.csv", "antenna,y_mm\ntx,0\nrx,0\nrx,2\n", ("unknown column 'y_mm'", "half_wavelength")),
     ("a.csv", "antenna,y_m,z_half_wavelength\ntx,0,0\nrx,0,1\n", ("one unit",)),
     ("a.csv", "antenna,y_half_wavelength\ntx,0\nrx,0\nrx,1\n", ("design_frequency_hz",)),
     ("a.csv", "antenna,y_half_wavelength,design_frequency_hz\ntx,0,77\nrx,0,77\nrx,1,77\n", ("design_frequency_hz", "1e9")),
