@@ -120,20 +120,12 @@ def words(iq: np.ndarray, order: str = "QQII", bits: int = 16) -> list[np.ndarra
     """Return the words of each chirp. The order names four successive words, or the words of one sample of four receivers (8 letters)."""
     chirps = []
     for chirp in np.rint(iq).reshape(-1, *iq.shape[-2:]):
-        i, q = chirp.real.astype(int), chirp.imag.astype(int)
-        line: list[int] = []
-        if order == "real":
-            line = [value for receiver in i for value in receiver]
-        elif len(order) == 8:
-            for n in range(chirp.shape[1]):
-                seen = {"I": iter(i[:, n]), "Q": iter(q[:, n])}
-                line += [next(seen[letter]) for letter in order]
-        else:
-            flat_i, flat_q = i.reshape(-1), q.reshape(-1)
-            for n in range(0, flat_i.size, 2):
-                seen = {"I": iter(flat_i[n : n + 2]), "Q": iter(flat_q[n : n + 2])}
-                line += [next(seen[letter]) for letter in order]
-        chirps.append(np.array([value % (1 << bits) for value in line], "<u2"))
+        flat, size = (chirp.T if len(order) == 8 else chirp).reshape(-1), len(order) // 2
+        line = flat.real.tolist() if order == "real" else []
+        for n in range(0, flat.size, size) if order != "real" else ():
+            parts = {"I": iter(flat.real[n : n + size].tolist()), "Q": iter(flat.imag[n : n + size].tolist())}
+            line += [next(parts[letter]) for letter in order]
+        chirps.append(np.array([int(value) % (1 << bits) for value in line], "<u2"))
     return chirps
 
 

@@ -227,9 +227,6 @@ CUBES = {
 def test_cube_that_is_no_recording_of_the_radar_is_refused(tmp_path, words):
     np.savez(tmp_path / "cube.npz", allow_pickle=False, **CUBES[words])
     refused([words], load_capture, tmp_path / "cube.npz", RADAR, error=RecordingError)
-    if list(CUBES[words]) == ["iq"]:
-        np.save(tmp_path / "cube.npy", CUBES[words]["iq"])
-        refused(["cube.npy", words], load_capture, tmp_path / "cube.npy", RADAR, error=RecordingError)
 
 
 def test_cube_without_a_radar_and_text_are_refused(tmp_path):

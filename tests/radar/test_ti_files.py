@@ -9,8 +9,8 @@ from radartwin.radar.chirp import Radar
 C = 299_792_458.0
 
 
-def _write(folder, text, name="radar.cfg"):
-    path = folder / name
+def _write(folder, text):
+    path = folder / "radar.cfg"
     path.write_text(text)
     return path
 
