@@ -62,13 +62,14 @@ Message = fox.FrameTransform | fox.PoseInFrame | fox.RawImage | fox.PointCloud |
 def frame_messages(recording: Recording, frame: int, time_ns: int, floor_db: float) -> Iterator[tuple[str, Message]]:
     """Yield topic and message of pose, maps and points of one frame."""
     radar, iq = recording.radar, recording.iq[frame : frame + 1]
-    maps, stamp, poses = power_maps(iq, radar), _time(time_ns), recording.sensor_poses
+    maps, poses = power_maps(iq, radar), recording.sensor_poses
+    sec, nsec = divmod(time_ns, 1_000_000_000)
+    stamp = fox.Timestamp(sec, nsec)
     if poses is not None:
         position, rotation = _pose(poses[frame if len(poses) > 1 else 0])
         frames = {"parent_frame_id": WORLD, "child_frame_id": SENSOR}
         yield "/tf", fox.FrameTransform(timestamp=stamp, **frames, translation=position, rotation=rotation)
         yield "/radar/pose", fox.PoseInFrame(timestamp=stamp, frame_id=WORLD, pose=fox.Pose(position=position, orientation=rotation))
-    sec, nsec = divmod(time_ns, 1_000_000_000)
     step_m = float(maps.range_m[1]) if len(maps.range_m) > 1 else 0.0
     levels_db = np.round(decibels(maps.range_time.mean(axis=0)), 3).tolist()
     yield "/radar/range_profile", RangeProfile({"sec": sec, "nsec": nsec}, SENSOR, float(maps.range_m[0]), step_m, levels_db)
@@ -87,7 +88,8 @@ def frame_messages(recording: Recording, frame: int, time_ns: int, floor_db: flo
 
 
 def picture_message(picture: Picture) -> Message:
-    return fox.CompressedImage(timestamp=_time(picture.time_ns), frame_id=CAMERA, data=picture.read(), format=picture.kind)
+    stamp = fox.Timestamp(*divmod(picture.time_ns, 1_000_000_000))
+    return fox.CompressedImage(timestamp=stamp, frame_id=CAMERA, data=picture.read(), format=picture.kind)
 
 
 def _picture_of_map(stamp: fox.Timestamp, power: NDArray[np.float64], floor_db: float) -> fox.RawImage:
@@ -101,7 +103,3 @@ def _picture_of_map(stamp: fox.Timestamp, power: NDArray[np.float64], floor_db: 
 def _pose(pose: NDArray[np.float64]) -> tuple[fox.Vector3, fox.Quaternion]:
     (x, y, z), rotation = pose[:3, 3].tolist(), Rotation.from_matrix(pose[:3, :3]).as_quat().tolist()
     return fox.Vector3(x=x, y=y, z=z), fox.Quaternion(**dict(zip("xyzw", rotation, strict=True)))
-
-
-def _time(time_ns: int) -> fox.Timestamp:
-    return fox.Timestamp(*divmod(time_ns, 1_000_000_000))

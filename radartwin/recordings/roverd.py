@@ -70,7 +70,7 @@ def read_trace(
     if not isinstance(radar, Radar):
         radar = radar_of(trace) if radar is None else Radar.described(radar, board)[0]
     described = read_json(folder / "meta.json").get("iq")
-    if not isinstance(described, dict) or described.get("format") != "raw" or described.get("type") not in ("i2", "<i2", "i16"):
+    if not isinstance(described, dict) or described.get("format") != "raw" or str(described.get("type")).lstrip("<") not in ("i2", "i16"):
         raise RecordingError(f"{folder / 'meta.json'}: it describes no channel iq of format raw and type i2; copy the whole trace")
     shape, expected = described.get("shape"), [*dca1000.frame_shape(radar)[:-1], 2 * radar.num_samples]
     if shape != expected:
@@ -95,7 +95,7 @@ def read_trace(
         notes.append(f"frames are missing at {gaps} places, where the times have gaps")
     columns = {"started": datetime.fromtimestamp(float(times[chosen[0]]), UTC).isoformat(timespec="seconds")}
     if (folder / "valid").is_file():
-        valid = np.pad(np.fromfile(folder / "valid", "u1"), (0, stored.frames))  # a frame without a value counts as incomplete
+        valid = np.pad(np.fromfile(present(folder / "valid"), "u1"), (0, stored.frames))  # a frame without a value counts as incomplete
         lost = int(np.count_nonzero(valid[chosen] == 0))
         columns["lost_packets"] = str(lost)  # each of these frames lacks at least one packet
         notes += [f"{lost} of {len(chosen)} frames have lost packets, which are zeros"] if lost else []
@@ -115,8 +115,9 @@ def radar_of(trace: Path) -> Radar:
         RecordingError: config.yaml lacks a setting of the radar, or names another device.
     """
     path = present(trace / "config.yaml", "copy it, or give the radar with --radar")
+    sensors: Any = read_yaml(path, "sensors")
     try:
-        settings: Any = read_yaml(path, "sensors")["radar"]["args"]["radar"]
+        settings = sensors["radar"]["args"]["radar"]
         board, slope = _BOARDS[settings.get("device", "AWR1843")], 1e12 * float(settings["freq_slope"])
         return Radar(
             name=board.name,
