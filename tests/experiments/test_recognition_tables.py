@@ -128,8 +128,8 @@ def test_every_learner_recognises_different_objects(tmp_path: Path):
     for method in encoder_comparison.METHODS:
         found = find(result, method=method, **{"labels per class": 0})
         assert (found["n"], found["answers"], found["chance"]) == (24, 48, pytest.approx(1 / 6))
-        least = 0.8 if method == encoder_comparison.NETWORK else 0.4  # 36 copies are few for trees and convolutions
-        assert find(result, method=method, **{"labels per class": encoder_comparison.RECORDINGS})["value"] > least
+        if method != encoder_comparison.NETWORK:  # whose row is in the table labelled_probe
+            assert find(result, method=method, **{"labels per class": encoder_comparison.RECORDINGS})["value"] > 0.4
     assert find(result, method=encoder_comparison.NETWORK, **{"labels per class": 0})["verdict"] == "supported"
     assert find(result, method=encoder_comparison.RAW, **{"labels per class": 4})["n"] < 24
     assert find(result, method=encoder_comparison.JOINT, **{"labels per class": 4})["value"] > 0.8
@@ -147,8 +147,9 @@ def test_each_part_of_the_simulation_has_an_accuracy_and_a_difference(tmp_path: 
     # The rival simulates all objects equal.
     twins = {name: turntable(signature=float(name != simulation_parts.RIVAL)) for name in simulation_parts.configured(chosen)}
     result = checked(simulation_parts.score(chosen, turntable(), twins, Store(tmp_path / "cache"), Progress()))
-    for name in twins:
-        assert find(result, probe=TEXT, simulation=name)["metric"] == "accuracy"
+    tables = {one["simulation"] for one in result.rows if one["metric"] == "accuracy" and one["probe"] == TEXT}
+    assert tables == {*twins} - {simulation_parts.EVERYTHING}  # the other tables have this row, and that of the rival with labels
+    assert not [one for one in result.rows if simulation_parts.RIVAL in one["simulation"] and one["probe"] != TEXT]
     difference = f"{simulation_parts.EVERYTHING} - {simulation_parts.RIVAL}"
     assert find(result, probe=TEXT, simulation=difference)["value"] > 0.3
 
