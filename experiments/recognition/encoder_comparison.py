@@ -25,7 +25,17 @@ from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition.copies import rows_of_copies
 from experiments.recognition.figures import bars, label_curve
-from experiments.recognition.protocol import ECHOES, LOOKS, RecognitionRows, anchors, correct, scaled, seeds, settings
+from experiments.recognition.protocol import (
+    ECHOES,
+    LOOKS,
+    RecognitionRows,
+    anchors,
+    correct,
+    has_other_recordings,
+    scaled,
+    seeds,
+    settings,
+)  # fmt: skip
 from experiments.recognition.readings import FEATURES, MOTION, pictures, shared_cases, vectors
 from radartwin import plugins
 from radartwin.config.config import Config
@@ -193,7 +203,7 @@ def _add_other_recordings(rows: RecognitionRows, embedded: Embedded, truth: Samp
     """Add the accuracy of the nearest class centroid of all other recordings, and the gain of each learner over raw features. The table
     labelled_probe has those of NETWORK and RAW.
     """
-    if any(np.unique(truth.source[truth.label == label]).size < 2 for label in truth.classes):
+    if not has_other_recordings(truth):
         return
     hits = {method: correct([leave_one_out_centroid(one, one.source) for one in some], truth.label) for method, some in embedded.items()}
     for method in (one for one in hits if one not in (NETWORK, RAW)):

@@ -86,6 +86,11 @@ def count_sources(recordings: Samples) -> int:
     return np.unique(recordings.source).size
 
 
+def has_other_recordings(samples: Samples) -> bool:
+    """Return whether every class has two recordings or more, so that one can be left out."""
+    return all(np.unique(samples.source[samples.label == label]).size > 1 for label in samples.classes)
+
+
 def statistics_columns(answers: int, chance: float | None = None, shares: NDArray | None = None) -> dict[str, Any]:
     """Build extra columns of a score: number of predictions, chance, and the standard deviation of the accuracies `shares` (seeds,)."""
     spread = float(np.std(shares, ddof=1)) if shares is not None and len(shares) > 1 else None
@@ -100,7 +105,7 @@ def probe_hits(config: Config, measured: Samples, copies: Samples) -> dict[str, 
     trained = encoders(config, label_free(copies, measured))
     texts, temperature = anchors(measured.classes), settings(config).temperature
     found = {TEXT: correct([nearest_text(one, measured.unlabelled(), texts, temperature) for one in trained], measured.label)}
-    if all(np.unique(measured.source[measured.label == label]).size > 1 for label in measured.classes):
+    if has_other_recordings(measured):
         answers = [leave_one_out_centroid(one.embedded(measured), measured.source) for one in trained]
         found[CENTROID] = correct(answers, measured.label)
     return found

@@ -64,27 +64,6 @@ def drives(**changed) -> FakeCampaign:
     return FakeCampaign(**(given | changed))
 
 
-class Study:
-    """A recording source that combines the drives of one source with the turntable recordings of another."""
-
-    def __init__(self, *parts: FakeCampaign) -> None:
-        self.parts = parts
-
-    def of(self, case) -> FakeCampaign:
-        return next(part for part in self.parts if case.motion in part.motions)
-
-    def cases(self, domain, **chosen):
-        return [case for part in self.parts for case in part.cases(domain, **chosen)]
-
-    def prepare(self, wanted, materials=None) -> None: ...
-
-    def processed(self, domain, case, materials=None):
-        return self.of(case).processed(domain, case, materials)
-
-    def log(self, case, domain="measured"):
-        return self.of(case).log(case, domain)
-
-
 def checked(result: Result) -> Result:
     """Check the table rows of a result, draw its figures, and return the rows."""
     check_rows(result.table, result.rows)
@@ -263,12 +242,10 @@ def test_contrastive_exports_a_model(tmp_path: Path, overrides: tuple[str, ...])
     assert not [name for name in described["names"] if "brightness" in name]
 
 
-def test_rover_rows_follow_the_level_of_supervision(tmp_path: Path):
-    study = Study(drives(), turntable())
-    store = Store(tmp_path / "cache")
+def test_rover_rows_follow_the_level_of_supervision():
     chosen = config("rover_recognition", "supervision=label_free", "supervision.seeds=1", "supervision.trees=2")
-    assert {one["supervision"] for one in rover_recognition.score(chosen, study, store, Progress(), "label_free").rows} == {"label_free"}
-    result = checked(rover_recognition.score(config("rover_recognition"), study, store, Progress(), "few_shot"))
+    assert {one["supervision"] for one in rover_recognition.score(chosen, drives(), Progress(), "label_free").rows} == {"label_free"}
+    result = checked(rover_recognition.score(config("rover_recognition"), drives(), Progress(), "few_shot"))
     assert {one["supervision"] for one in result.rows} == {"label_free", "calibrated", "few_shot"}
     objects = find(result, supervision="label_free", motion="lateral", classes="object", method=rover_recognition.TRAINED)
     assert (objects["verdict"], objects["n"], objects["chance"]) == ("supported", 24, pytest.approx(1 / 6))
