@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -98,7 +99,11 @@ def test_other_draws_than_the_registered_ones_are_exploratory() -> None:
 
 def test_the_tables_state_the_claims_as_they_are_registered() -> None:
     """Tables of two draws have the registered bounds and tests."""
-    few = {"repetitions": 2, "frames": 24, "objects": ("can_211_300", "can_211_400", "corner_reflector", "mug", "mustard", "olive_oil")}
+    few: dict[str, Any] = {
+        "repetitions": 2,
+        "frames": 24,
+        "objects": ("can_211_300", "can_211_400", "corner_reflector", "mug", "mustard", "olive_oil"),
+    }
     turntable, drives = FakeCampaign(**few), FakeCampaign(("depth",), ("squash_court",), **few)
     declared = ((turntable_shape, turntable), (turntable_material, turntable), (rover_fidelity, drives))
     compared = 0
