@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -139,7 +140,7 @@ def test_recognition_states_the_claims_as_they_are_registered() -> None:
     _same_rule(gain, REGISTERED["training on simulation beats raw features (other recordings)"])
 
 
-def _same_rule(row: dict | None, registered: dict) -> None:
+def _same_rule(row: Mapping[str, Any] | None, registered: Mapping[str, Any]) -> None:
     assert row is not None
     stated = {name: row[name] for name in ("bound", "direction", "null", "margin", "test", "unit")}
     assert stated == {name: registered[name] for name in stated}
