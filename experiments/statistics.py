@@ -11,6 +11,7 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ PERMUTATIONS = 9_999  # largest number of permutations of a test; fewer items ar
 LEVEL = 0.95  # level of all intervals, except those of the primary claims (experiments.gaps.headline)
 ANY, SHARE, SIGNED = (-math.inf, math.inf), (0.0, 1.0), (-1.0, 1.0)  # limits; SIGNED is for correlations and differences of shares
 POSITIVE = (0.0, math.inf)
+MS_WEIGHTS = (0.0448, 0.2856, 0.3001, 0.2363, 0.1333)  # of the scales of `ms_ssim`, from fine to coarse
 # The scale on which an interval is symmetric, and its inverse: correlations have Fisher's z (a correlation of 1 counts as 1 - 1e-6), and
 # ratios of positive quantities have their logarithm.
 FISHER, LOG = "Fisher's z", "logarithm"
@@ -430,6 +432,27 @@ def ssim(first: NDArray, second: NDArray) -> float:
     size = min(7, *(side - 1 + side % 2 for side in first.shape))
     similarity: Any = structural_similarity(first, second, data_range=1.0, win_size=size)
     return float(similarity)
+
+
+def ms_ssim(first: NDArray, second: NDArray) -> float:
+    """Return the multi-scale structural similarity of two maps with values from 0 to 1. Ref: Z. Wang, E. Simoncelli, A. Bovik, Asilomar
+    Conference on Signals, Systems and Computers (2003) 1398. Scales at which a map is smaller than the Gaussian window (11 cells) are
+    left out, and the weights of the others are scaled to a sum of 1.
+    """
+    from scipy.ndimage import gaussian_filter, uniform_filter
+
+    smooth, (bright, contrast) = partial(gaussian_filter, sigma=1.5, truncate=3.5), (0.01**2, 0.03**2)
+    weights = [weight for k, weight in enumerate(MS_WEIGHTS) if min(first.shape) >> k >= 11] or list(MS_WEIGHTS[:1])
+    product = 1.0
+    for scale, weight in enumerate(weights):
+        mean_1, mean_2 = smooth(first), smooth(second)
+        var_1, var_2 = smooth(first**2) - mean_1**2, smooth(second**2) - mean_2**2
+        index = (2 * (smooth(first * second) - mean_1 * mean_2) + contrast) / (var_1 + var_2 + contrast)  # contrast and structure
+        if scale == len(weights) - 1:  # luminance, at the coarsest scale only
+            index = index * (2 * mean_1 * mean_2 + bright) / (mean_1**2 + mean_2**2 + bright)
+        product *= max(float(index.mean()), 0.0) ** (weight / sum(weights))
+        first, second = (uniform_filter(one, 2)[::2, ::2] for one in (first, second))
+    return product
 
 
 def _r(first: NDArray, second: NDArray) -> NDArray:

@@ -1,40 +1,29 @@
-"""Write the table of main claims in README.md from the committed table `headline`."""
+"""Write Table 3 of the paper and the number of each verdict on its main claims in README.md, from the committed tables."""
 
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
-from analysis.pages.filled import RESULTS, ROOT, filled, rows_of
+from analysis.pages import paper_tables
+from analysis.pages.filled import ROOT, wrapped
 from radartwin.io import files
+from radartwin.runs.experiment import VERDICTS
 
 PAGE = ROOT / "README.md"
-TABLE = re.compile(r"(\| claim of the paper \|[^\n]*\n\|[-|]*\n)((?:\|[^\n]*\n)*)")
-COLUMNS = "claim of the paper, metric, paper, value, draws, verdict, over all strengths"
-CLAIMS = (
-    "the simulated order of objects by harmonic ratio is the measured order",
-    "metal is brighter than plastic (1 m)",
-    "the room brings the profile closer to the measured one (2 m, amplitude)",
-    "most energy arrives from beyond the target (2 m)",
-    "features order objects alike along drives (squash court)",
-    "training on simulation beats raw features (other recordings)",
-    "training on simulation beats raw features (other revolutions)",
-    "geometry transfers without labels",
-    "identity does not transfer without labels",
-    "labelled materials beat one material",
-)
+PART = re.compile(r"Of the \d+ main claims.*?(?=\n\n[^|\n])", re.DOTALL)
 
 
-def text(folder: Path = RESULTS) -> str:
-    """Return README.md with a line for each of CLAIMS that is in the table `headline` of the folder. The table of the quick profile lacks
-    the claims that this profile cannot test.
-    """
-    known = {row["claim of the paper"] for row in rows_of("headline", folder)}
-    lines = [filled(f"{{{{rows headline: {COLUMNS} | claim of the paper={claim}}}}}", folder) for claim in CLAIMS if claim in known]
-    rows = "".join(f"{line}\n" for line in lines)
-    page, number = TABLE.subn(lambda found: found[1] + rows, PAGE.read_text(encoding="utf-8"))
+def text() -> str:
+    """Return README.md with the verdicts of the table `headline` and Table 3."""
+    verdicts = paper_tables.committed("headline")["verdict"]
+    counts = ", ".join(f"{(verdicts == verdict).sum()} {verdict}" for verdict in VERDICTS)
+    table = next(table for title, _, table in paper_tables.tables() if title.startswith("Table 3"))
+    again = f"{(verdicts == '').sum()} are made again in version 1.1"
+    counted = wrapped(f"Of the {len(verdicts)} main claims (`headline`), the verdicts are: {counts}; {again}.")
+    part = f"{counted}\n\n{paper_tables.markdown(table)}"
+    page, number = PART.subn(lambda _: part, PAGE.read_text(encoding="utf-8"))
     if number != 1:
-        raise ValueError(f"{PAGE}: {number} tables begin with 'claim of the paper', not one")
+        raise ValueError(f"{PAGE}: {number} paragraphs begin with 'Of the N main claims', not one")
     return page
 
 

@@ -10,6 +10,9 @@ from html import escape
 from pathlib import Path
 from urllib.parse import quote
 
+import pandas as pd
+
+from analysis.pages import paper_tables
 from analysis.registry import TESTBED_NOTE
 from analysis.report import claims
 from analysis.report.content import ABSENT, LINKED, Section
@@ -39,6 +42,7 @@ def page(sections: Sequence[Section], compared: Sequence[Compared], shown: Seque
         "script": script,
         "note": escape(TESTBED_NOTE) if any("testbed" in row["domain"] for section in sections for row in section.rows) else "",
         "contents": _contents(first, rest),
+        "paper": paper_tables.html(lambda name: pd.DataFrame(by_name[name].rows) if name in by_name else pd.DataFrame()),
         "summary": claims.summary(sections),
         "first": "\n".join(_section(section, compared, parts, 2) for section in first),
         "rooms": "\n".join(_room(room, parts) for room in shown),
@@ -57,7 +61,8 @@ def _contents(first: Sequence[Section], rest: Sequence[Section]) -> str:
         )
 
     return (
-        f'<li><a href="#summary">Summary</a></li>{links(first)}<li><a href="#rooms">The rooms</a></li>'
+        f'<li><a href="#paper">The paper\'s tables</a></li><li><a href="#summary">Summary</a></li>{links(first)}'
+        '<li><a href="#rooms">The rooms</a></li>'
         f'<li><a href="#tables">Tables</a><ul>{links(rest)}</ul></li><li><a href="#origin">Origin of the report</a></li>'
     )
 

@@ -3,7 +3,8 @@
 A turntable recording has `localised`: whether the strongest echo over all ranges lies in the target gate, and the mean and the median over
 frames of the power (B,) in the bins `range_m`. If its revolutions are whole and have enough frames, it has the features of the set
 `rotation`, the same features of each whole revolution (`revolutions`), and the range-Doppler signature of a revolution (N, R). A corner
-reflector also has the power (F, B) of its first revolution. A rail recording has ranges (F,) in metres: the logged range `nominal_m`, and
+reflector also has the power (F, B) of its first revolution, the channel signals (1, A, B) of its first frame, and the Bartlett power map
+(1, B, azimuths) of this frame; other objects have (0, ...). A rail recording has ranges (F,) in metres: the logged range `nominal_m`, and
 the tracked range of each tracker. A drive has the features of its motion, the power (F, B), its mean (B,) after each frame is scaled to
 unit energy (`profile`), and in each frame (F,) the logged and the tracked range of the target, the energy in the target gate and the radial
 velocity, (0,) without Doppler. Its detections (N, 3) are the frame number, range in metres and azimuth in radians.
@@ -18,10 +19,12 @@ import numpy as np
 
 from experiments.campaign.cases import RAIL, REFLECTOR, ROVER, Case
 from radartwin.features import cloud, doppler, envelope, sets, track
+from radartwin.features.extent import AZIMUTH_RAD
 from radartwin.features.log import Log, Nominal, angles, distances
 from radartwin.features.processed import Processed
 from radartwin.features.profile import FAR_M, NEAR_M, gate
 from radartwin.features.signature import signature
+from radartwin.radar.processing import steering
 
 Columns = Mapping[str, Any]  # name: number, text, or array
 TRACKERS = ("continuous", "brightest")  # track without jumps, and strongest bin of each frame
@@ -54,6 +57,8 @@ def _turntable(case: Case, processed: Processed, log: Log) -> Columns:
         "mean_power": processed.power.mean(axis=0, dtype=float),
         "median_power": np.median(processed.power.astype(float), axis=0),
         "revolution": processed.power[turn if case.object.startswith(REFLECTOR) else slice(0)],
+        "first_frame": (first := processed.channels[: case.object.startswith(REFLECTOR)]),
+        "azimuth_map": np.abs(first.swapaxes(1, 2) @ steering(processed.radar, AZIMUTH_RAD)) ** 2,
     }
 
 

@@ -2,7 +2,7 @@
 
 Each row is one claim, which another table judges. The judging table is computed for every strength (`profile.strengths`), or read from the
 store. The strength multiplies all settings measured.gap.NAME. If the verdicts at the strengths differ, the column `over all strengths` says
-"depends on strength". The column `why` explains a claim that is not supported, with values from the table that judges it.
+"depends on strength".
 
 An interval over more draws is narrower, so that a verdict may depend on the number of draws. All strengths, including strength 1, are
 therefore compared with the same campaign, profile.strength_campaign. The settings profile.campaign do not change it. In the paper profile,
@@ -22,14 +22,15 @@ from typing import Any
 
 import numpy as np
 
-from experiments import statistics
+from experiments import draws, statistics
 from experiments.campaign.campaign import joined
 from experiments.campaign.cases import REFLECTOR, planned
 from experiments.campaign.schedule import RecordingTask
-from experiments.claims import EQUAL, NOT_HERE, PRIMARY, SUPPORTED, RowList, judge
+from experiments.claims import EQUAL, NONE, NOT_HERE, PRIMARY, Claim, RowList, judge
 from experiments.recognition import labelled_probe, reconstruction_ablation, rover_recognition, turntable_label_free
+from experiments.recognition.protocol import CHANCE_MARGIN, FLOOR_ONLY, LEAST_GAIN, SAME_MODELS
 from experiments.rover import rover_fidelity
-from experiments.statistics import LEVEL, at_level
+from experiments.statistics import LEVEL, PERMUTATION, STUDENT, at_level
 from experiments.turntable import environment, linear_rail, turntable_material, turntable_shape
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
@@ -59,7 +60,8 @@ TABLE = Table(
     "level in the column 'level' (Holm's correction). The columns 'strength' give "
     "value, interval and verdict at each strength, with the number of draws in brackets. They rest on a campaign of their own "
     "(profile.strength_campaign, in the paper profile a smaller one), so that the column 'strength 1' may differ from the value. "
-    "'Over all strengths' compares the verdicts of these columns. The quick profile has strength 1 alone.",
+    "'Over all strengths' compares the verdicts of these columns. The quick profile has strength 1 alone. 'Evidence' names the draws; "
+    "all draws but the registered ones are exploratory (experiments/gaps/registration.py).",
 )
 
 
@@ -70,8 +72,9 @@ class Headline:
     Attributes:
         text: the claim in words. source: where the paper states it.
         table, metric: the table and the metric of the row. where: values that further columns of this row must have.
-        beside: a sentence that explains the verdict by a value, and the columns that select the row of the same table with this value.
         unless: values of columns; the claim is left out if a row of the same table has all these values.
+        claim: the condition, which the row must state too; without a bound, the bound is the accuracy of chance.
+        test: test of the claim and unit of this test, over all draws of the paper profile.
     """
 
     text: str
@@ -79,10 +82,15 @@ class Headline:
     table: str
     metric: str
     where: Mapping[str, Any] = field(default_factory=dict)
-    beside: tuple[str, Mapping[str, Any]] | None = None
     unless: Mapping[str, Any] = field(default_factory=dict)
+    claim: Claim = NONE
+    test: tuple[str, str] = (STUDENT, "draws")
 
 
+ON_OBJECTS, ON_BOTH = (PERMUTATION, "objects"), (STUDENT, "draws and objects")  # tests
+GAIN = Claim(bound=LEAST_GAIN, null=0.0)
+DRIVES = ("rover_fidelity", "rover_recognition", "reconstruction_ablation")  # tables of drives; all others are of turntable and rail
+REGISTERED = {False: range(100, 110), True: range(100, 103)}  # draws that decide the registered claims; True: of drives
 AT_1_M = {"distance_m": 1.0}  # every profile has turntable recordings at 1 m, and the quick profile at no other distance
 
 
@@ -92,14 +100,12 @@ def on_probe(probe: str, unless: Mapping[str, Any]) -> tuple[Headline, Headline]
     return (
         Headline(
             f"training on simulation beats raw features ({probe})", "labelled probe", "labelled_probe", "gain in accuracy",
-            {**case, "method": f"{labelled_probe.PRETRAINED} - {labelled_probe.RAW}"},
-            ("Raw features alone reach {:.2f}.", {**case, "metric": "accuracy", "method": labelled_probe.RAW}), unless,
+            {**case, "method": f"{labelled_probe.PRETRAINED} - {labelled_probe.RAW}"}, unless, GAIN,
         ),
         Headline(
             f"training on our simulation is more accurate than on RF-Genesis ({probe})", "labelled probe", "labelled_probe",
             "gain in accuracy",
-            {**case, "method": f"{labelled_probe.PRETRAINED} - {labelled_probe.RIVAL}"},
-            ("RF-Genesis reaches {:.2f}.", {**case, "metric": "accuracy", "method": labelled_probe.RIVAL}), unless,
+            {**case, "method": f"{labelled_probe.PRETRAINED} - {labelled_probe.RIVAL}"}, unless, GAIN,
         ),
     )  # fmt: skip
 
@@ -107,76 +113,73 @@ def on_probe(probe: str, unless: Mapping[str, Any]) -> tuple[Headline, Headline]
 HEADLINES = (
     Headline(
         "the simulated order of objects by harmonic ratio is the measured order", "turntable, shape", "turntable_shape",
-        "order of objects", {"case": "all objects"},
+        "order of objects", {"case": "all objects"}, claim=turntable_shape.ORDER, test=ON_OBJECTS,
     ),
     Headline(
         "distances between objects are kept", "turntable, shape", "turntable_shape", "distances between objects", {"case": "all objects"},
+        claim=turntable_shape.STRUCTURE, test=ON_OBJECTS,
     ),
     Headline(
         "cans have smaller harmonic ratios than reflector and bottles", "turntable, shape", "turntable_shape", "ratio of harmonic ratios",
-        {"case": "peaked over cans", "of": "measured"},
+        {"case": "peaked over cans", "of": "measured"}, claim=turntable_shape.SPLIT, test=ON_BOTH,
     ),
     Headline(
         "metal is brighter than plastic (1 m)", "turntable, material", "turntable_material", "metal less plastic (dB)",
-        {"of": "measured", **AT_1_M},
+        {"of": "measured", **AT_1_M}, claim=turntable_material.OVER, test=ON_BOTH,
     ),
     Headline(
         "the simulation exaggerates the contrast of metal and plastic (1 m)", "turntable, material", "turntable_material",
-        "excess of contrast (dB)", AT_1_M,
+        "excess of contrast (dB)", AT_1_M, claim=turntable_material.EXAGGERATES, test=ON_BOTH,
     ),
     Headline(
         "the measured diagonal excursion is smaller than the rail's", "linear rail", "linear_rail", "excursion less the rail's (m)",
         {"object": REFLECTOR, "motion": "diagonal", "tracker": "continuous", "of": "measured"},
+        claim=linear_rail.SHORT,
     ),
     Headline(
         "without the room the profiles do not correlate (2 m, amplitude)", "environment", "environment", "profile correlation",
-        {"case": "void", "distance_m": 2.0, "scale": "amplitude"},
-        ("Of the measured energy, only {:.2f} arrives from beyond the target.",
-         {"metric": "energy share beyond the target", "distance_m": 2.0, "case": "measured (testbed)"}),
+        {"case": "void", "distance_m": 2.0, "scale": "amplitude"}, claim=environment.UNCORRELATED,
     ),
     Headline(
         "the room brings the profile closer to the measured one (2 m, amplitude)", "environment", "environment", environment.GAIN,
-        {"distance_m": 2.0, "scale": "amplitude", "case": "room (vlm) - void"},
-        ("The profile in void correlates already with {:.2f}.", {"metric": "profile correlation", "distance_m": 2.0, "case": "void",
-        "scale": "amplitude"}),
+        {"distance_m": 2.0, "scale": "amplitude", "case": "room (vlm) - void"}, claim=environment.CLOSER,
     ),
     Headline(
         "most energy arrives from beyond the target (2 m)", "environment", "environment", "energy share beyond the target",
-        {"distance_m": 2.0, "case": "measured (testbed)"},
+        {"distance_m": 2.0, "case": "measured (testbed)"}, claim=environment.BEYOND,
     ),
     Headline(
         "features order objects alike along drives (squash court)", "rover, fidelity", "rover_fidelity",
         "share of features that order objects alike", {"room": "squash_court", "motion": "depth"},
+        claim=rover_fidelity.AGREE["squash_court"], test=ON_OBJECTS,
     ),
     # The probe RECORDINGS has no recording in both training and test. It needs two recordings of each object. The quick profile lacks them,
     # so it uses the probe REVOLUTIONS instead.
     *on_probe(labelled_probe.RECORDINGS, {}),
     *on_probe(labelled_probe.REVOLUTIONS, {"probe": labelled_probe.RECORDINGS}),
     Headline(
-        "geometry transfers without labels", "turntable, without labels", "turntable_label_free", "accuracy", {"attribute": "geometry"}
+        "geometry transfers without labels", "turntable, without labels", "turntable_label_free", "accuracy", {"attribute": "geometry"},
+        test=ON_OBJECTS,
     ),
     Headline(
-        "material transfers without labels", "turntable, without labels", "turntable_label_free", "accuracy", {"attribute": "material"}
+        "material transfers without labels", "turntable, without labels", "turntable_label_free", "accuracy", {"attribute": "material"},
+        test=ON_OBJECTS,
     ),
     Headline(
         "identity does not transfer without labels", "turntable, without labels", "turntable_label_free", "accuracy",
-        {"attribute": "identity"},
+        {"attribute": "identity"}, claim=Claim(direction=EQUAL, margin=CHANCE_MARGIN, untestable=SAME_MODELS),
     ),
     Headline(
         "objects are known without labels (squash court, lateral)", "Table 3", "rover_recognition", "accuracy",
         {"supervision": "label_free", "room": "squash_court", "motion": "lateral", "classes": "object", "method": "trained on simulation"},
-        ("Raw signatures reach {:.2f}.", {"metric": "accuracy", "supervision": "label_free", "room": "squash_court", "motion": "lateral",
-        "classes": "object", "method": "raw signatures"}),
     ),
     Headline(
         "labelled materials beat one material", "ablation of the reconstruction", "reconstruction_ablation", "gain in accuracy",
-        {"classes": "object", "method": "labelled materials - one material"},
-        ("One material reaches {:.2f}.", {"metric": "accuracy", "classes": "object", "method": "one material"}),
+        {"classes": "object", "method": "labelled materials - one material"}, claim=replace(GAIN, untestable=FLOOR_ONLY),
     ),
     Headline(
         "the reconstructed room beats none", "ablation of the reconstruction", "reconstruction_ablation", "gain in accuracy",
-        {"classes": "object", "method": "labelled materials - no room"},
-        ("No room reaches {:.2f}.", {"metric": "accuracy", "classes": "object", "method": "no room"}),
+        {"classes": "object", "method": "labelled materials - no room"}, claim=replace(GAIN, untestable=FLOOR_ONLY),
     ),
 )  # fmt: skip
 
@@ -255,7 +258,7 @@ def score(config: Config, computed: Callable[[Config], Result]) -> Result:
         if key not in known:
             known[key] = computed(own)
         found[strength, name] = known[key].rows
-    rows, judged = RowList(config), []
+    rows = RowList(config)
     several = sorted({strength for strength, _ in found} - {WHOLE})
     for headline in HEADLINES:
         listed = found[WHOLE, headline.table]
@@ -270,16 +273,19 @@ def score(config: Config, computed: Callable[[Config], Result]) -> Result:
             "claim of the paper": headline.text, "source": headline.source, "table": headline.table,
             **{f"strength {strength:g}": _told(one) for strength, one in at.items()},
             "over all strengths": NOT_COMPARED if not verdicts or None in verdicts else DEPENDS if len(verdicts) > 1 else AGREES,
-            "why": "",
+            "evidence": evidence(config, headline.table in DRIVES),
         }  # fmt: skip
         _copy(rows, case, nominal, headline)
-        judged.append((rows[-1], headline, listed))
     at_levels(rows)
-    for row, headline, listed in judged:
-        row["why"] = why(row, headline, listed)
     counts = Counter(row["verdict"] for row in rows)
     metrics = {verdict: float(counts[verdict]) for verdict in VERDICTS}
     return Result("headline", rows, {}, metrics, sorted({key for result in known.values() for key in result.keys}))
+
+
+def evidence(config: Config, drives: bool) -> str:
+    """Return the draws of a row, and whether they are the registered draws, no more and no fewer. Other draws are exploratory."""
+    read = draws.numbers(config, drives)
+    return f"draws {read[0]} to {read[-1]}, {'registered' if read == list(REGISTERED[drives]) else 'exploratory'}"
 
 
 def _row(rows: Rows, headline: Headline) -> Mapping[str, Any] | None:
@@ -321,23 +327,6 @@ def at_levels(rows: Sequence[dict[str, Any]]) -> None:
 def _numbers(row: Mapping[str, Any], low: str, high: str) -> tuple[float, float]:
     """Return two ends of a row, of which None is infinite."""
     return (-math.inf if row[low] is None else row[low]), (math.inf if row[high] is None else row[high])
-
-
-def why(row: Mapping[str, Any], headline: Headline, rows: Rows) -> str:
-    """Return one sentence on why the claim of a row is not supported, with values of the judging table `rows`; empty if it is."""
-    if row["verdict"] == SUPPORTED:
-        return ""
-    if row["verdict"] == NOT_HERE:
-        return f"It cannot be decided here: {row['reason']}."
-    if row["low"] is None or row["high"] is None:
-        return "Its interval has no end."
-    goal = f"within {row['margin']:.2g} of {row['null']:.2g}" if row["direction"] == EQUAL else f"{row['direction']} {row['bound']:.3g}"
-    told = f"The interval from {row['low']:.2g} to {row['high']:.2g} is not wholly {goal}."
-    if headline.beside is not None:
-        sentence, columns = headline.beside
-        beside = [one["value"] for one in rows if _has(one, columns) and one["value"] is not None]
-        told += f" {sentence.format(beside[0])}" if beside else ""
-    return told
 
 
 def _copy(rows: RowList, case: Mapping[str, Any], row: Mapping[str, Any], headline: Headline) -> None:

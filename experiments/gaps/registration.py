@@ -1,11 +1,12 @@
 """Register the claims of the headline before the recordings exist that decide them.
 
-    python -m experiments.gaps.registration write registration.json [docs/results/headline.csv]
-    python -m experiments.gaps.registration check registration.json outputs/tables/headline.csv
+    python -m experiments.gaps.registration write registration.json
+    python -m experiments.gaps.registration check registration.json [outputs/tables/headline.csv]
 
-The first command writes the claims of a headline table with the draws that will decide them, the date and a hash of all this. The second
-command refuses a file whose hash does not match, and says which claims of a table differ from the registered ones. The exit status is 2 if
-a file is refused, and 1 if a claim differs.
+The first command writes the claims of the headline that this testbed can decide, the draws that will decide them, the date, and a hash of
+all this. It needs no results. The headline reads these draws with profile=paper profile.campaign.first_draw=100. The second command refuses
+a file whose hash does not match. It says which claims of a table differ from the registered ones, and which rest on other draws. The exit
+status is 2 if a file is refused, and 1 if a claim differs.
 """
 
 from __future__ import annotations
@@ -14,68 +15,87 @@ import argparse
 import csv
 import datetime
 import json
+import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from experiments.claims import NOT_HERE, PRIMARY
+from experiments.gaps.headline import DRIVES, HEADLINES, REGISTERED
 from radartwin.errors import InputError
 from radartwin.io import files
 from radartwin.store.digest import spec_digest
 
-CLAIM = ("claim of the paper", "table", "metric", "bound", "direction", "null", "margin", "test", "unit")
-FIXED = tuple(name for name in CLAIM if name not in ("bound", "null"))  # chance, a bound of some claims, may differ between campaigns
-DRAWS = {"turntable and rail": [100, 109], "drives": [100, 102]}  # first and last
+TEXT = "claim of the paper"
+FIXED = ("table", "metric", "bound", "direction", "null", "margin", "test", "unit")  # what a table states as it is registered
+CHANCE = "chance"  # bound that follows from the classes
+RULE = "Holm over the claims of the family, at 0.95"
 
 
-def claims_of(table: Path) -> list[dict[str, str]]:
-    """Return the claims of a written headline table that this testbed can decide. Raises InputError for a table without these columns."""
-    try:
-        with table.open(encoding="utf-8", newline="") as stream:
-            rows = list(csv.DictReader(stream))
-        return [{name: row[name] for name in CLAIM} | {"family": PRIMARY} for row in rows if row["verdict"] != NOT_HERE]
-    except (OSError, KeyError, UnicodeDecodeError) as error:
-        raise InputError(f"{table} is no table of the headline ({error!r}); write it with radartwin tables --only headline") from error
+def claims() -> list[dict[str, Any]]:
+    """Return the claims of the headline that this testbed can decide, as they are registered."""
+    out = []
+    for one in HEADLINES:
+        claim, (test, unit) = one.claim, one.test
+        if claim.untestable or one.unless:
+            continue
+        bound = CHANCE if claim.bound is None and claim.null is None else claim.null if claim.bound is None else claim.bound
+        null = bound if claim.null is None else claim.null
+        drawn = REGISTERED[one.table in DRIVES]
+        rule = {"bound": bound, "direction": claim.direction, "null": null, "margin": claim.margin, "test": test, "unit": unit}
+        at = {"table": one.table, "metric": one.metric, "where": dict(one.where), "draws": [drawn[0], drawn[-1]]}
+        out.append({TEXT: one.text, **at, **rule, "family": PRIMARY, "level": RULE})
+    return out
 
 
-def registration(claims: Sequence[dict[str, str]], date: str) -> dict[str, Any]:
-    """Return the content of a registration, with its hash. Raises InputError for a claim without a test, bound or direction."""
-    for claim in claims:
+def registration(registered: Sequence[Mapping[str, Any]], date: str) -> dict[str, Any]:
+    """Return the content of a registration, with its hash. Raises InputError for a claim without a test, unit, bound or direction."""
+    for claim in registered:
         for name in ("test", "direction", "bound", "unit"):
-            if not claim.get(name):
-                raise InputError(f"registration: the claim {claim.get(CLAIM[0])!r} has no {name}; make its table again")
-    content = {"date": date, "draws": DRAWS, "claims": list(claims)}
+            if claim.get(name) in (None, ""):
+                raise InputError(f"registration: the claim {claim.get(TEXT)!r} has no {name}; state it in experiments/gaps/headline.py")
+    content = {"date": date, "claims": list(registered)}
     return {**content, "sha256": spec_digest(content)}
 
 
-def read(path: Path) -> dict[str, Any]:
-    """Read a registration. Raises InputError if it is no registration, was changed after its date, or has a claim without a test."""
+def read(path: Path) -> list[dict[str, Any]]:
+    """Read the claims of a registration. Raises InputError if it is no registration, was changed after its date, or lacks a test."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        found, claims, date = content.pop("sha256"), content["claims"], content["date"]
+        digest, registered, date = content.pop("sha256"), content["claims"], content["date"]
     except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
         raise InputError(f"{path} is no registration ({error!r})") from error
-    if found != spec_digest(content):
+    if digest != spec_digest(content):
         raise InputError(f"{path}: the hash does not match, so the registration was changed after {date}; take the committed file")
-    return registration(claims, date)
+    return registration(registered, date)["claims"]
 
 
-def differences(registered: dict[str, Any], claims: Sequence[dict[str, str]]) -> list[str]:
-    """Return a line for each registered claim that the claims of a table lack or state otherwise, and for each that is not registered."""
-    known, found = ({one[CLAIM[0]]: one for one in some} for some in (registered["claims"], claims))
-    lines = [
-        f"{text!r} is {'not registered' if text in found else 'missing'}"
-        for text in {**known, **found}
-        if (text in known) != (text in found)
-    ]
-    for text in known.keys() & found.keys():
-        lines += [
-            f"{text!r}: {name} {found[text][name]!r}, registered {known[text][name]!r}"
-            for name in FIXED
-            if found[text][name] != known[text][name]
-        ]
+def differences(registered: Sequence[Mapping[str, Any]], table: Path) -> list[str]:
+    """Return a line for each registered claim that a headline table lacks, states otherwise, or judges on other draws, and for each claim
+    of the table that is not registered. Raises InputError for another table.
+    """
+    known = {claim[TEXT]: claim for claim in registered}
+    try:
+        with table.open(encoding="utf-8", newline="") as stream:
+            rows = {row[TEXT]: row for row in csv.DictReader(stream) if row["verdict"] != NOT_HERE}
+    except (OSError, KeyError, UnicodeDecodeError) as error:
+        raise InputError(f"{table} is no table of the headline ({error!r}); write it with radartwin tables --only headline") from error
+    lines = [f"{text!r} is {'not registered' if text in rows else 'missing'}" for text in sorted(known.keys() ^ rows.keys())]
+    for text, claim in known.items():
+        if text in rows:
+            stated = [(name, rows[text].get(name, ""), claim[name]) for name in FIXED]
+            lines += [f"{text!r}: {name} {cell!r}, registered {value!r}" for name, cell, value in stated if not _equal(cell, value)]
+            drawn = rows[text].get("evidence", "")
+            if not drawn.endswith(", registered"):
+                lines.append(f"{text!r}: {drawn or 'unknown draws'}, registered draws {claim['draws'][0]} to {claim['draws'][1]}")
     return lines
+
+
+def _equal(cell: str, value: Any) -> bool:
+    if value == CHANCE:  # it follows from the classes of the campaign
+        return cell != ""
+    return math.isclose(float(cell or "nan"), value) if isinstance(value, float) else cell == (value or "")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -86,13 +106,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("table", type=Path, nargs="?", default=Path("docs/results/headline.csv"))
     given = parser.parse_args(arguments)
     try:
-        claims = claims_of(given.table)
         if given.verb == "write":
-            content = registration(claims, datetime.datetime.now(datetime.UTC).date().isoformat())
+            content = registration(claims(), datetime.datetime.now(datetime.UTC).date().isoformat())
             files.write_atomically(given.registration, json.dumps(content, indent=1) + "\n")
-            print(f"{given.registration}: {len(claims)} claims, sha256 {content['sha256']}")
+            print(f"{given.registration}: {len(content['claims'])} claims, sha256 {content['sha256']}")
             return 0
-        lines = differences(read(given.registration), claims)
+        lines = differences(read(given.registration), given.table)
     except InputError as error:
         print(error, file=sys.stderr)
         return 2

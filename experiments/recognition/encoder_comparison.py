@@ -3,7 +3,7 @@ revolutions?
 
 All learners are trained on the same copies of simulated turntable revolutions, and classify the same measured revolutions. The two-layer
 network of the paper and gradient-boosted trees read the rotation features. The convolutional network reads pictures of a revolution. The
-two-layer network is trained towards two kinds of texts: what an object looks like, and how its radar echo varies over a revolution.
+two-layer network is trained towards two kinds of texts: how an object's echo varies over a revolution (as in the paper), and its looks.
 
 Without labelled measured revolutions, the class that a learner predicts is the result. With k labelled measured revolutions per class, the
 predicted class is that whose labelled revolutions have the nearest centroid in the embedding of the learner. Two further networks use the
@@ -25,7 +25,17 @@ from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
 from experiments.recognition.copies import rows_of_copies
 from experiments.recognition.figures import bars, label_curve
-from experiments.recognition.protocol import RecognitionRows, anchors, correct, scaled, seeds, settings
+from experiments.recognition.protocol import (
+    ECHOES,
+    LOOKS,
+    RecognitionRows,
+    anchors,
+    correct,
+    has_other_recordings,
+    scaled,
+    seeds,
+    settings,
+)  # fmt: skip
 from experiments.recognition.readings import FEATURES, MOTION, pictures, shared_cases, vectors
 from radartwin import plugins
 from radartwin.config.config import Config
@@ -54,10 +64,9 @@ TABLE = Table(
 )
 
 SHOTS = (0, 1, 2, 4, 8, 14, 20)
-NETWORK, RADAR_TEXTS, CONVOLUTION, TREES = "two-layer network", "two-layer network, radar texts", "convolutional network", "boosted trees"
+NETWORK, OF_LOOKS, CONVOLUTION, TREES = "two-layer network", "two-layer network, texts of looks", "convolutional network", "boosted trees"
 METHODS = {  # method: (learner, kind of text)
-    NETWORK: ("network", "description"), RADAR_TEXTS: ("network", "radar_description"), CONVOLUTION: ("convolution", "description"),
-    TREES: ("trees", "description"),
+    NETWORK: ("network", ECHOES), OF_LOOKS: ("network", LOOKS), CONVOLUTION: ("convolution", ECHOES), TREES: ("trees", ECHOES),
 }  # fmt: skip
 RAW, SCRATCH, JOINT = "raw features", "trained on the labels alone", "trained on simulation and labels"
 LABELLED_SHARE = 0.2  # share of (repeated) labelled measured rows in the training of JOINT; recognition_choices.json has the reason
@@ -68,7 +77,7 @@ Embedded = Mapping[str, Sequence[Samples]]  # by method: the embeddings of the m
 
 def methods() -> dict[str, tuple[str, str]]:
     """Return METHODS, and one method for each learner of other packages (entry points of the group `radartwin.encoders`)."""
-    return METHODS | {name: (name, "description") for name in plugins.names(plugins.ENCODERS)}
+    return METHODS | {name: (name, ECHOES) for name in plugins.names(plugins.ENCODERS)}
 
 
 def identity() -> dict[str, Any]:
@@ -191,13 +200,13 @@ def _add_shots(
 
 
 def _add_other_recordings(rows: RecognitionRows, embedded: Embedded, truth: Samples, keys: Sequence[str], chance: float) -> None:
-    """Add the accuracy of the nearest class centroid of all other recordings, and the gain of each learner over raw features."""
-    if any(np.unique(truth.source[truth.label == label]).size < 2 for label in truth.classes):
+    """Add the accuracy of the nearest class centroid of all other recordings, and the gain of each learner over raw features. The table
+    labelled_probe has those of NETWORK and RAW.
+    """
+    if not has_other_recordings(truth):
         return
     hits = {method: correct([leave_one_out_centroid(one, one.source) for one in some], truth.label) for method, some in embedded.items()}
-    for method, found in hits.items():
+    for method in (one for one in hits if one not in (NETWORK, RAW)):
         case = {"supervision": "few_shot", "labels per class": RECORDINGS, "method": method}
-        rows.share(case, found, truth, keys, chance)
-        if method != RAW:
-            claim = Claim("training on simulation beats the raw features") if method == NETWORK else Claim()
-            rows.gain(case | {"method": f"{method} - {RAW}"}, found, hits[RAW], truth, keys, claim)
+        rows.share(case, hits[method], truth, keys, chance)
+        rows.gain(case | {"method": f"{method} - {RAW}"}, hits[method], hits[RAW], truth, keys)

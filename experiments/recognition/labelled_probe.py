@@ -36,6 +36,7 @@ from experiments.recognition.protocol import (
     correct,
     count_sources,
     encoders,
+    has_other_recordings,
     scaled,
     seeds,
     settings,
@@ -246,10 +247,9 @@ def as_in_paper(cases: Sequence[Case]) -> list[Case]:
 
 def _usable_probes(measured: Samples, progress: Progress) -> list[str]:
     """Return the names of all probes, but without the probe RECORDINGS if an object has only one recording."""
-    single = [label for label in measured.classes if len(np.unique(measured.source[measured.label == label])) < 2]
-    if not single:
+    if has_other_recordings(measured):
         return list(PROBES)
-    progress.say(f"{len(single)} objects have a single recording, so the probe on other recordings is left out")
+    progress.say("some objects have a single recording, so the probe on other recordings is left out")
     return [probe for probe in PROBES if probe != RECORDINGS]
 
 

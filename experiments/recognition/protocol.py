@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,10 +26,14 @@ from radartwin.config.config import Config
 from radartwin.recognize.encoder import Encoder, Settings, nearest_text
 from radartwin.recognize.probes import leave_one_out_centroid, repeatability, standardised
 from radartwin.recognize.samples import Samples
+from radartwin.recognize.score import uniform_chance
 from radartwin.recognize.split import Split, label_free
 from radartwin.recognize.text import embed
 from radartwin.recognize.training import fit
 from radartwin.scene.objects.catalogue import catalogue
+
+if TYPE_CHECKING:
+    from experiments.recognition.readings import Readings
 
 LEAST_GAIN = 0.02  # smallest gain in accuracy that counts as an effect: one recording in fifty
 CHANCE_MARGIN = 0.1  # an accuracy that differs from chance by at most one recording in ten counts as chance
@@ -38,15 +42,19 @@ SAME_MODELS = "the simulation holds the model of each measured object, not of an
 NO_SESSIONS = "the receiver has no gain and no start offset of its own in each session"
 FLOOR_ONLY = "within 1 m of the target, the court has only the floor"
 ONE_OBJECT = "a class has a single object"
+ECHOES, LOOKS = "radar_description", "description"  # texts of an object: how its echo varies over a revolution, and what it looks like
 TEXT, CENTROID = "nearest text", "other recordings"  # names of probes
 GEOMETRY = {name: "symmetric" if entry.symmetric else "asymmetric" for name, entry in catalogue().items()}
 SHAPE: dict[str, str] = {name: entry.shape for name, entry in catalogue().items()}
 MATERIAL: dict[str, str] = {name: entry.material_class for name, entry in catalogue().items()}
 
 
-def anchors(objects: Iterable[str], text: str = "description") -> dict[str, NDArray]:
-    """Return {object: embedding vector of the object's text}. `text` is "description" (its looks) or "radar_description" (its echo)."""
+def anchors(objects: Iterable[str], text: str = ECHOES) -> dict[str, NDArray]:
+    """Return {object: embedding vector of the object's text}. `text` is ECHOES, as in the paper, or LOOKS, also for objects without an
+    echo's text.
+    """
     known, names = catalogue(), sorted(objects)
+    text = text if all(getattr(known[name], text) for name in names) else LOOKS
     return dict(zip(names, embed([getattr(known[name], text) for name in names]), strict=True))
 
 
@@ -78,6 +86,11 @@ def count_sources(recordings: Samples) -> int:
     return np.unique(recordings.source).size
 
 
+def has_other_recordings(samples: Samples) -> bool:
+    """Return whether every class has two recordings or more, so that one can be left out."""
+    return all(np.unique(samples.source[samples.label == label]).size > 1 for label in samples.classes)
+
+
 def statistics_columns(answers: int, chance: float | None = None, shares: NDArray | None = None) -> dict[str, Any]:
     """Build extra columns of a score: number of predictions, chance, and the standard deviation of the accuracies `shares` (seeds,)."""
     spread = float(np.std(shares, ddof=1)) if shares is not None and len(shares) > 1 else None
@@ -92,7 +105,7 @@ def probe_hits(config: Config, measured: Samples, copies: Samples) -> dict[str, 
     trained = encoders(config, label_free(copies, measured))
     texts, temperature = anchors(measured.classes), settings(config).temperature
     found = {TEXT: correct([nearest_text(one, measured.unlabelled(), texts, temperature) for one in trained], measured.label)}
-    if all(np.unique(measured.source[measured.label == label]).size > 1 for label in measured.classes):
+    if has_other_recordings(measured):
         answers = [leave_one_out_centroid(one.embedded(measured), measured.source) for one in trained]
         found[CENTROID] = correct(answers, measured.label)
     return found
@@ -165,6 +178,38 @@ class RecognitionRows(RowList):
     def _clustered(self, values: NDArray, recordings: Samples, limits: tuple[float, float], classes: NDArray | None = None) -> Estimate:
         found = clustered(values, recordings.object, self.config.profile.resamples, self.config.seed, classes, limits)
         return replace(found, closed=is_closed(recordings))
+
+
+def compared_trainings(
+    config: Config, column: str, trained: Iterable[tuple[str, Readings, Readings]], claims: Mapping[str, str]
+) -> tuple[RecognitionRows, dict[str, dict[str, Row]], list[str]]:
+    """Train an encoder for each name in `trained`. The rows are its accuracy with each probe, and the gain of the first over the others.
+
+    Args:
+        column: column of the name. trained: (name, features of measured revolutions, features of copies of simulated revolutions).
+        claims: text of the claim about the gain over a name.
+    Returns:
+        The rows, those with the accuracy as {probe: {name: row}}, and the store keys of the recordings.
+    """
+    hits: dict[str, dict[str, NDArray[np.bool_]]] = {}
+    known: set[str] = set()
+    truth: Samples | None = None
+    for name, measured, copies in trained:
+        samples = scaled(measured.samples)
+        truth = samples if truth is None else truth
+        known |= {*measured.keys, *copies.keys}
+        for probe, right in probe_hits(config, samples, scaled(copies.samples)).items():
+            hits.setdefault(probe, {})[name] = right
+    assert truth is not None
+    rows, shown, keys, chance = RecognitionRows(config), {probe: {} for probe in hits}, sorted(known), uniform_chance(truth)
+    for probe, of in hits.items():
+        first = next(iter(of))
+        for name, right in of.items():
+            case = {"supervision": "label_free" if probe == TEXT else "few_shot", "probe": probe, column: name}
+            shown[probe][name] = rows.share(case, right, truth, keys, chance)
+            if name != first:
+                rows.gain(case | {column: f"{first} - {name}"}, of[first], right, truth, keys, Claim(claims.get(name, "")))
+    return rows, shown, keys
 
 
 def at_chance(text: str, paper: str, chance: float) -> Claim:

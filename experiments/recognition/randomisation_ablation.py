@@ -8,23 +8,20 @@ revolutions are classified without labels by the nearest text, and with labels b
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import fields, replace
 from typing import Any
-
-import numpy as np
 
 from experiments import draws
 from experiments.campaign.campaign import Call
 from experiments.campaign.source import RecordingSource
-from experiments.claims import Claim
 from experiments.recognition import copies
 from experiments.recognition.figures import bars
-from experiments.recognition.protocol import TEXT, RecognitionRows, probe_hits, scaled
+from experiments.recognition.protocol import compared_trainings
+from experiments.recognition.readings import Readings
 from radartwin.config.config import Config
 from radartwin.config.study import RandomiseConfig
 from radartwin.io.progress import Progress
-from radartwin.recognize.samples import Samples
-from radartwin.recognize.score import uniform_chance
 from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store
 
@@ -63,27 +60,14 @@ def copied(config: Config, left_out: tuple[str, ...]) -> Config:
 
 def score(config: Config, source: RecordingSource, store: Store, progress: Progress) -> Result:
     """Build the rows of each kind of copies and probe."""
-    hits: dict[str, dict[str, np.ndarray]] = {}
-    keys: set[str] = set()
-    measured: Samples | None = None
-    for kind, left_out in progress.over(list(kinds(config).items()), "copies"):
-        own = copied(config, left_out)
-        theirs, ours = copies.measured_and_copies(own, source, store, progress)
-        keys |= {*theirs.keys, *ours.keys}
-        measured = scaled(theirs.samples)
-        for probe, found in probe_hits(own, measured, scaled(ours.samples)).items():
-            hits.setdefault(probe, {})[kind] = found
-    assert measured is not None
-    rows, shown = RecognitionRows(config), {kind: {} for kind in kinds(config)}
-    chance, used = uniform_chance(measured), sorted(keys)
-    for probe, of in hits.items():
-        for kind, found in of.items():
-            case = {"supervision": "label_free" if probe == TEXT else "few_shot", "probe": probe, "copies": kind}
-            shown[kind][probe] = rows.share(case, found, measured, used, chance)
-            if kind != ALL:
-                claim = Claim("drawing all quantities helps") if kind == NOISE_ONLY else Claim()
-                rows.gain(case | {"copies": f"{ALL} - {kind}"}, of[ALL], found, measured, used, claim)
-    figures: dict[str, Any] = {"randomisation_ablation": lambda: bars(shown, "accuracy")}
-    metrics = {f"accuracy_{probe.replace(' ', '_')}_{kind.replace(' ', '_')}": float(found.mean()) for probe, of in hits.items()
-               for kind, found in of.items() if kind in (ALL, NOISE_ONLY)}  # fmt: skip
+
+    def trained() -> Iterator[tuple[str, Readings, Readings]]:
+        for kind, left_out in progress.over(list(kinds(config).items()), "copies"):
+            yield kind, *copies.measured_and_copies(copied(config, left_out), source, store, progress)
+
+    rows, shown, used = compared_trainings(config, "copies", trained(), {NOISE_ONLY: "drawing all quantities helps"})
+    by_kind = {kind: {probe: of[kind] for probe, of in shown.items()} for kind in kinds(config)}
+    figures: dict[str, Any] = {"randomisation_ablation": lambda: bars(by_kind, "accuracy")}
+    metrics = {f"accuracy_{probe.replace(' ', '_')}_{kind.replace(' ', '_')}": float(row["value"]) for probe, of in shown.items()
+               for kind, row in of.items() if kind in (ALL, NOISE_ONLY)}  # fmt: skip
     return Result(TABLE.name, rows, figures, metrics, used)

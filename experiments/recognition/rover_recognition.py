@@ -1,9 +1,9 @@
 """Object and material recognition from a moving radar at three levels of supervision, in both rooms (the paper's Table 3 and bar figure).
 
 The option `supervision` sets the highest level in the table: label_free gives the rows of level (i), calibrated adds level (ii), few_shot
-adds level (iii). The chance level is one over the number of classes, or the share of the largest class in rows where the paper uses this
-share. Material classes differ much in size, so the claim about materials is judged by balanced accuracy. As a control, a random forest is
-trained on simulated recordings with shuffled class labels.
+adds level (iii) on drives. The table labelled_probe has level (iii) on the turntable. The chance level is one over the number of classes,
+or the share of the largest class in rows where the paper uses this share. Material classes differ much in size, so the claim about
+materials is judged by balanced accuracy. As a control, a random forest is trained on simulated recordings with shuffled class labels.
 """
 
 from __future__ import annotations
@@ -21,13 +21,12 @@ from experiments.campaign.frame import shared
 from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
 from experiments.claims import Claim
-from experiments.recognition import labelled_probe, transfer
+from experiments.recognition import transfer
 from experiments.recognition.figures import bars, confusions
-from experiments.recognition.protocol import MATERIAL, NO_SESSIONS, SHAPE, RecognitionRows, at_chance, correct, encoders
+from experiments.recognition.protocol import MATERIAL, NO_SESSIONS, SHAPE, RecognitionRows, at_chance, correct
 from radartwin.config.config import Config
 from radartwin.errors import InputError
 from radartwin.io.progress import Progress
-from radartwin.recognize.probes import leave_one_out_centroid
 from radartwin.recognize.samples import join
 from radartwin.recognize.score import majority_share, uniform_chance
 from radartwin.recognize.split import Split, draw_shots, label_free, most_shots, shuffled
@@ -40,8 +39,7 @@ TABLE = Table(
     caption="Random forests classify frames; a recording gets the majority label of its frames. Label-free: features are replaced "
     "by ranks within domain and distance. Calibrated: energy features are mapped by one unlabelled recording of the "
     "reflector, which is not scored. For material classes, chance is the share of the largest class (accuracy) or one third "
-    "(balanced accuracy). p is the exact binomial probability over pairs of object and distance; for material "
-    "classes it is over objects. Rows with an entry in the column 'truth' belong to a testbed "
+    "(balanced accuracy). Rows with an entry in the column 'truth' belong to a testbed "
     "whose objects equal the catalogue (paper profile).",
 )
 
@@ -91,12 +89,12 @@ def recordings(config: Config, store: Store, progress: Progress) -> dict[str, Re
 def run(config: Config, store: Store, progress: Progress) -> Result:
     def scored(own: Config) -> Result:
         mode = config.supervision.mode if own is config else "label_free"  # the other levels are shown only for the configured testbed
-        return draws.scored(own, store, progress, lambda campaign: score(own, campaign, store, progress, mode), rover=True)
+        return draws.scored(own, store, progress, lambda campaign: score(own, campaign, progress, mode), rover=True)
 
     return draws.beside_exact_objects(config, scored, lambda row: row["classes"] == "object")
 
 
-def score(config: Config, source: RecordingSource, store: Store, progress: Progress, mode: str) -> Result:
+def score(config: Config, source: RecordingSource, progress: Progress, mode: str) -> Result:
     """Build the rows of the supervision levels up to `mode`. Raises InputError if the campaign has no measured drives."""
     rows, shown, used = RecognitionRows(config), Shown(), set()
     recorded = {case.room for case in source.cases("measured") if case.motion in MOTIONS}
@@ -113,11 +111,9 @@ def score(config: Config, source: RecordingSource, store: Store, progress: Progr
                 _add_materials(rows, shown, drives, source)
             if mode == "few_shot" and motion == "lateral":
                 _add_few_shot(rows, drives)
-    if mode == "few_shot":
-        used |= set(_add_turntable(rows, shown, source, store, progress))
     classes = sorted({label for truth, _ in shown.panels.values() for label in truth})
     figures = {
-        "rover_recognition": lambda: bars(shown.bars, "accuracy", "squash court; turntable in the lab", grey=RAW),
+        "rover_recognition": lambda: bars(shown.bars, "accuracy", "squash court", grey=RAW),
         "rover_confusion": lambda: confusions(shown.panels, classes),
     }
     metrics = {
@@ -219,23 +215,3 @@ def _add_few_shot(rows: RecognitionRows, drives: Drives) -> None:
     scored = ~np.isnan(hits).all(axis=0)
     case = drives.case("few_shot", "object", f"trained on simulation and {shots} recordings per class")
     rows.share(case, hits[:, scored], recordings.take(scored), frames.keys, uniform_chance(recordings))
-
-
-def _add_turntable(rows: RecognitionRows, shown: Shown, source: RecordingSource, store: Store, progress: Progress) -> tuple[str, ...]:
-    """Add the paper's rows of supervision level (iii), in which a classifier is trained on labelled turntable recordings. Returns the
-    store keys of the turntable recordings.
-    """
-    config = replace(rows.config, supervision=replace(rows.config.supervision, mode="label_free", shots=0))
-    data = labelled_probe.gather_data(config, source, store, progress, {})
-    keys = tuple(sorted({key for found in data.keys.values() for key in found}))
-    measured = data.measured
-    chance = uniform_chance(measured)
-    trained = encoders(config, label_free(data.copies[labelled_probe.PRETRAINED], measured))
-    hits = correct([leave_one_out_centroid(encoder.embedded(measured)) for encoder in trained], measured.label)
-    raw = correct([leave_one_out_centroid(measured)], measured.label)
-    case = {"supervision": "few_shot", "room": "lab", "motion": "turntable", "classes": "object", "method": TRAINED}
-    claim = Claim("the labelled probe is above chance", "0.95 +- 0.02")
-    row = rows.share(case, hits, measured, keys, chance, claim)
-    other = rows.share(case | {"method": labelled_probe.RAW}, raw, measured, keys, chance, Claim(paper="0.90"))
-    shown.bars["turntable\nobject"] = {RAW: other, TRAINED: row}
-    return keys

@@ -11,28 +11,21 @@ simulation at a time:
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from experiments import draws
 from experiments.campaign.campaign import Call, Campaign
 from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
-from experiments.claims import Claim
 from experiments.recognition import copies
 from experiments.recognition.figures import bars
 from experiments.recognition.labelled_probe import RIVAL, rf_genesis, simulated
-from experiments.recognition.protocol import TEXT, RecognitionRows, probe_hits, scaled
-from experiments.recognition.readings import FEATURES, MOTION, paired, shared_cases, vectors
+from experiments.recognition.protocol import TEXT, compared_trainings
+from experiments.recognition.readings import FEATURES, MOTION, Readings, paired, shared_cases, vectors
 from radartwin.config.config import Config
 from radartwin.config.materials import VoidMaterials
 from radartwin.io.progress import Progress
-from radartwin.recognize.samples import Samples
-from radartwin.recognize.score import uniform_chance
 from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store
 
@@ -89,33 +82,17 @@ def score(config: Config, source: RecordingSource, twins: Mapping[str, Recording
         source: source of the measured recordings.
         twins: source of the simulated recordings of each simulation.
     """
-    hits: dict[str, dict[str, NDArray[np.bool_]]] = {}
-    keys: set[str] = set()
-    truth: Samples | None = None
-    for name, twin in progress.over(list(twins.items()), "simulations"):
-        cases, simulated = shared_cases(source, MOTION)
-        without = WITHOUT.get(name, ())
-        measured = vectors(source, "measured", cases, FEATURES, without)
-        drawn = copies.rows_of_copies(config, store, twin, simulated, cases, without, measured_source=source)["features"]
-        keys |= {*measured.keys, *drawn.keys}
-        rows = scaled(measured.samples)
-        truth = rows if truth is None else truth
-        for probe, found in probe_hits(config, rows, scaled(drawn.samples)).items():
-            hits.setdefault(probe, {})[name] = found
-    assert truth is not None
-    return _result(config, hits, truth, sorted(keys))
+    cases, simulated = shared_cases(source, MOTION)
 
+    def trained() -> Iterator[tuple[str, Readings, Readings]]:
+        for name, twin in progress.over(list(twins.items()), "simulations"):
+            without = WITHOUT.get(name, ())
+            drawn = copies.rows_of_copies(config, store, twin, simulated, cases, without, measured_source=source)
+            yield name, vectors(source, "measured", cases, FEATURES, without), drawn["features"]
 
-def _result(config: Config, hits: Mapping[str, Mapping[str, NDArray]], truth: Samples, keys: list[str]) -> Result:
-    rows, chance = RecognitionRows(config), uniform_chance(truth)
-    shown: dict[str, dict[str, Any]] = {}
-    for probe, of in hits.items():
-        for name, found in of.items():
-            case = {"supervision": "label_free" if probe == TEXT else "few_shot", "probe": probe, "simulation": name}
-            shown.setdefault(probe, {})[name] = rows.share(case, found, truth, keys, chance)
-            if name != EVERYTHING:
-                claim = Claim(HELPS[name])
-                rows.gain(case | {"simulation": f"{EVERYTHING} - {name}"}, of[EVERYTHING], found, truth, keys, claim)
+    rows, shown, keys = compared_trainings(config, "simulation", trained(), HELPS)
+    # encoder_comparison and labelled_probe have the rows of the whole simulation, and labelled_probe those of the rival with labels
+    rows[:] = [row for row in rows if row["simulation"] != EVERYTHING and (row["probe"] == TEXT or RIVAL not in row["simulation"])]
     metrics = {f"accuracy_{probe}_{name}".replace(" ", "_").replace("(", "").replace(")", ""): float(row["value"])
                for probe, of in shown.items() for name, row in of.items()}  # fmt: skip
     return Result(TABLE.name, rows, {TABLE.name: lambda: bars(shown, "accuracy", grey=RIVAL)}, metrics, keys)

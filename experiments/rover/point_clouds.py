@@ -22,7 +22,7 @@ from experiments.campaign.frame import Column, Frame
 from experiments.cells import Cell, first_draw, keys, mean, paired, table_rows
 from experiments.claims import NONE, Claim
 from experiments.rover.rover_fidelity import WHERE
-from experiments.statistics import POSITIVE
+from experiments.statistics import POSITIVE, SHARE, SIGNED
 from radartwin.config.config import Config
 from radartwin.features import cloud
 from radartwin.features.profile import FAR_M, NEAR_M
@@ -80,11 +80,11 @@ def cells(frame: Frame) -> Iterator[Cell]:
     for (place, here), (_, some) in zip(frame.groupby(WHERE), pairs.groupby(WHERE), strict=True):
         for metric in METRICS:
             if len(defined := some[metric].dropna()):
-                yield Cell(_at(place), metric, here, mean(defined, POSITIVE))
+                yield Cell(_at(place), metric, here, mean(defined, SHARE if " that are " in metric else POSITIVE))
     pairs[GAIN] = pairs[FOUND] - pairs[CONTROL]
     for (room, motion), some in pairs.dropna(subset=GAIN).groupby(["room", "motion"]):
         here = frame[(frame.room == room) & (frame.motion == motion)]
-        yield Cell(_at((room, motion, None)), GAIN, here, mean(some[GAIN]), BETTER if len(some) > 1 else NONE)
+        yield Cell(_at((room, motion, None)), GAIN, here, mean(some[GAIN], SIGNED), BETTER if len(some) > 1 else NONE)
 
 
 def _at(place: tuple[str, str, float | None]) -> dict[str, Any]:

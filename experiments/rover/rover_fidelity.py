@@ -161,7 +161,7 @@ def _orders(frame: Frame) -> Iterator[Cell]:
         claim = AGREE.get(room, NONE) if motion == "depth" else NONE
         yield Cell(_case("all features", (room, motion, None)), "share of features that order objects alike", here, share_alike, claim)
         for name, of in some.groupby("family", sort=False):
-            yield Cell(_case(name, (room, motion, None)), "order of objects, mean", here, mean(of.rho))
+            yield Cell(_case(name, (room, motion, None)), "order of objects, mean", here, mean(of.rho, statistics.SIGNED))
     means = found.groupby("feature").rho.mean()
     if MULTIPATH in means and len(means) > 1:
         beaten = float((means[MULTIPATH] >= means.drop(MULTIPATH)).mean())

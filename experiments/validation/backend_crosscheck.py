@@ -224,7 +224,8 @@ def _rows(key: tuple[str, str, str], each: list[Compared], config: Config) -> li
 
     def row(metric: str, samples: np.ndarray, holds: Callable[[float, float], bool] | None) -> dict[str, Any]:
         n = len(samples)
-        found = statistics.mean(samples, config.profile.resamples, config.seed) if n else None
+        limits = statistics.SHARE if "share" in metric else statistics.POSITIVE
+        found = statistics.mean(samples, config.profile.resamples, config.seed, limits) if n else None
         low, value, high = (found.low, found.value, found.high) if found else (None, None, None)
         verdict = claims.limit_kept(None if holds is None or low is None or high is None else holds(low, high))
         return {

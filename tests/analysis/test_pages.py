@@ -5,9 +5,8 @@ import re
 import pytest
 
 from analysis import numbers
-from analysis.pages import findings, readme
+from analysis.pages import findings, paper_tables, readme
 from analysis.pages.filled import ROOT, filled
-from experiments.gaps.headline import HEADLINES
 
 TABLE = """case,paper,value,low,high,draws,verdict
 void,-0.24,0.4312,0.402,0.4549,3,contradicted
@@ -62,7 +61,34 @@ def test_findings_follow_from_the_committed_tables():
 def test_claims_in_the_readme_follow_from_the_committed_tables():
     assert len(readme.PAGE.read_text(encoding="utf-8").splitlines()) <= LINES
     assert readme.PAGE.read_text(encoding="utf-8") == readme.text()
-    assert set(readme.CLAIMS) <= {headline.text for headline in HEADLINES}
+
+
+def test_the_papers_tables_follow_from_the_committed_tables():
+    assert paper_tables.PAGE.read_text(encoding="utf-8") == paper_tables.text()
+
+
+def test_a_row_of_the_papers_tables_names_one_row_of_the_results():
+    with pytest.raises(ValueError, match=r"turntable_shape\.csv: 4 rows have .*; change paper_tables\.yaml"):
+        paper_tables.answer(
+            paper_tables.committed,
+            "",
+            {"table": "turntable_shape", "metric": "order of objects", "of": "both", "case": "all objects at one distance"},
+        )
+
+
+def test_a_primary_claim_has_the_verdict_of_the_headline():
+    shown = paper_tables.answer(
+        paper_tables.committed,
+        "",
+        {"table": "environment", "metric": "energy share beyond the target", "case": "measured (testbed)", "distance_m": 2.0},
+    )
+    assert shown == ("0.25 (0.11 to 0.45 at 99.4 %)", "10", "contradicted")
+
+
+def test_a_report_without_a_table_says_so():
+    page = paper_tables.html(lambda name: paper_tables.committed(name)[:0])
+    assert page.count("not made") > 200
+    assert "<script" not in page
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/findings.md"])

@@ -62,6 +62,16 @@ def test_the_labelled_room_is_the_default_and_plasterboard_is_a_second_set_of_ro
                 find(table, metric=environment.GAIN, distance_m=distance, scale=scale, case="room (vlm) - void")["verdict"] == "supported"
             )
             assert not find(table, metric=environment.GAIN, distance_m=distance, scale=scale, case="room (uniform) - void")["claim"]
+        alike = {case: [find(table, metric=metric, distance_m=distance, case=case)["value"] for metric in
+                        ("similarity of range-azimuth maps (MS-SSIM)", "complex similarity")]
+                 for case in ("room (vlm)", "room (uniform)", "void")}  # fmt: skip
+        assert all(0 < value < one for value, one in zip(alike["void"], alike["room (vlm)"], strict=True))
+        assert alike["room (uniform)"][1] < alike["room (vlm)"][1] <= 1
+    less = find(table, metric="energy share beyond the target, simulated less measured")
+    shares = [find(table, metric="energy share beyond the target", distance_m=2.0, case=case)["value"]
+              for case in ("room (vlm)", "measured (testbed)")]  # fmt: skip
+    assert less["value"] == pytest.approx(shares[0] - shares[1])
+    assert less["claim"]
     assert draw_all(table) == {"environment_range_time", "environment_correlation", "environment_operating_points"}
 
 

@@ -1,4 +1,4 @@
-"""Tests of the table of the paper's main claims: verdicts over strengths, reasons, scaled gaps, and rows that exist in every table."""
+"""Tests of the table of the paper's main claims: verdicts over strengths, scaled gaps, and rows that exist in every table."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fake_campaign import config
 from scipy.stats import t
 
 from experiments.gaps import headline
-from experiments.gaps.headline import HEADLINES, Headline
+from experiments.gaps.headline import HEADLINES
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
@@ -124,20 +124,6 @@ def test_the_run_of_strength_one_is_that_of_the_table_itself() -> None:
         assert run_key(headline.at_strength(own, name, 1.0)) == run_key(config(name, f"output={own.output}"))
 
 
-@pytest.mark.parametrize(
-    ("row", "words"),
-    [
-        ({"low": 0.05, "high": 0.2, "bound": 0.1}, "The interval from 0.05 to 0.2 is not wholly above 0.1."),
-        ({"low": -0.3, "high": 0.2, "bound": -0.1, "direction": "below"}, "not wholly below -0.1."),
-        ({"low": 0.2, "high": 0.4, "direction": "none", "null": 0.1, "margin": 0.05}, "not wholly within 0.05 of 0.1."),
-        ({"verdict": "not testable here", "reason": "no such room", "low": 0.2, "high": 0.4}, "It cannot be decided here: no such room."),
-    ],
-)
-def test_the_reason_names_the_condition_that_is_not_met(row: dict, words: str) -> None:
-    one = Headline("text", "source", "table", "m")
-    assert headline.why({**COLUMNS, "metric": "m", "value": 0.1, "verdict": "undecided", **row}, one, []).endswith(words)
-
-
 def test_each_claim_has_the_level_of_its_rank() -> None:
     """Three claims with p = 0.001, 0.02 and 0.04 have the levels 1 - 0.05/3, 1 - 0.05/2 and 0.95; 0.03 does not suffice first."""
 
@@ -154,15 +140,6 @@ def test_each_claim_has_the_level_of_its_rank() -> None:
     headline.at_levels(rows)
     assert [one["verdict"] for one in rows] == ["undecided", "undecided", "supported"]
     assert (rows[0]["low"] > 0) == (0.03 < 0.05 / 3)
-
-
-def test_the_reason_has_the_figure_of_another_row() -> None:
-    one = Headline("text", "source", "table", "gain", {}, ("Raw features reach {:.2f}.", {"method": "raw"}))
-    rows = [
-        {**COLUMNS, "metric": "gain", "value": 0.0, "low": -0.1, "high": 0.1, "verdict": "undecided"},
-        {**COLUMNS, "metric": "accuracy", "method": "raw", "value": 0.8125, "low": 0.7, "high": 0.9, "verdict": ""},
-    ]
-    assert headline.why(rows[0], one, rows).endswith("Raw features reach 0.81.")
 
 
 def test_the_labelled_probe_is_judged_on_other_recordings_if_the_table_has_them() -> None:

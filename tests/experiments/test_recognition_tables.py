@@ -64,27 +64,6 @@ def drives(**changed) -> FakeCampaign:
     return FakeCampaign(**(given | changed))
 
 
-class Study:
-    """A recording source that combines the drives of one source with the turntable recordings of another."""
-
-    def __init__(self, *parts: FakeCampaign) -> None:
-        self.parts = parts
-
-    def of(self, case) -> FakeCampaign:
-        return next(part for part in self.parts if case.motion in part.motions)
-
-    def cases(self, domain, **chosen):
-        return [case for part in self.parts for case in part.cases(domain, **chosen)]
-
-    def prepare(self, wanted, materials=None) -> None: ...
-
-    def processed(self, domain, case, materials=None):
-        return self.of(case).processed(domain, case, materials)
-
-    def log(self, case, domain="measured"):
-        return self.of(case).log(case, domain)
-
-
 def checked(result: Result) -> Result:
     """Check the table rows of a result, draw its figures, and return the rows."""
     check_rows(result.table, result.rows)
@@ -128,8 +107,8 @@ def test_every_learner_recognises_different_objects(tmp_path: Path):
     for method in encoder_comparison.METHODS:
         found = find(result, method=method, **{"labels per class": 0})
         assert (found["n"], found["answers"], found["chance"]) == (24, 48, pytest.approx(1 / 6))
-        least = 0.8 if method == encoder_comparison.NETWORK else 0.4  # 36 copies are few for trees and convolutions
-        assert find(result, method=method, **{"labels per class": encoder_comparison.RECORDINGS})["value"] > least
+        if method != encoder_comparison.NETWORK:  # whose row is in the table labelled_probe
+            assert find(result, method=method, **{"labels per class": encoder_comparison.RECORDINGS})["value"] > 0.4
     assert find(result, method=encoder_comparison.NETWORK, **{"labels per class": 0})["verdict"] == "supported"
     assert find(result, method=encoder_comparison.RAW, **{"labels per class": 4})["n"] < 24
     assert find(result, method=encoder_comparison.JOINT, **{"labels per class": 4})["value"] > 0.8
@@ -147,8 +126,9 @@ def test_each_part_of_the_simulation_has_an_accuracy_and_a_difference(tmp_path: 
     # The rival simulates all objects equal.
     twins = {name: turntable(signature=float(name != simulation_parts.RIVAL)) for name in simulation_parts.configured(chosen)}
     result = checked(simulation_parts.score(chosen, turntable(), twins, Store(tmp_path / "cache"), Progress()))
-    for name in twins:
-        assert find(result, probe=TEXT, simulation=name)["metric"] == "accuracy"
+    tables = {one["simulation"] for one in result.rows if one["metric"] == "accuracy" and one["probe"] == TEXT}
+    assert tables == {*twins} - {simulation_parts.EVERYTHING}  # the other tables have this row, and that of the rival with labels
+    assert not [one for one in result.rows if simulation_parts.RIVAL in one["simulation"] and one["probe"] != TEXT]
     difference = f"{simulation_parts.EVERYTHING} - {simulation_parts.RIVAL}"
     assert find(result, probe=TEXT, simulation=difference)["value"] > 0.3
 
@@ -262,12 +242,10 @@ def test_contrastive_exports_a_model(tmp_path: Path, overrides: tuple[str, ...])
     assert not [name for name in described["names"] if "brightness" in name]
 
 
-def test_rover_rows_follow_the_level_of_supervision(tmp_path: Path):
-    study = Study(drives(), turntable())
-    store = Store(tmp_path / "cache")
+def test_rover_rows_follow_the_level_of_supervision():
     chosen = config("rover_recognition", "supervision=label_free", "supervision.seeds=1", "supervision.trees=2")
-    assert {one["supervision"] for one in rover_recognition.score(chosen, study, store, Progress(), "label_free").rows} == {"label_free"}
-    result = checked(rover_recognition.score(config("rover_recognition"), study, store, Progress(), "few_shot"))
+    assert {one["supervision"] for one in rover_recognition.score(chosen, drives(), Progress(), "label_free").rows} == {"label_free"}
+    result = checked(rover_recognition.score(config("rover_recognition"), drives(), Progress(), "few_shot"))
     assert {one["supervision"] for one in result.rows} == {"label_free", "calibrated", "few_shot"}
     objects = find(result, supervision="label_free", motion="lateral", classes="object", method=rover_recognition.TRAINED)
     assert (objects["verdict"], objects["n"], objects["chance"]) == ("supported", 24, pytest.approx(1 / 6))

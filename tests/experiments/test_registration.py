@@ -1,62 +1,146 @@
-"""A registration keeps the claims of a headline table; a changed file, and a claim without a test, are refused in one line."""
+"""A registration states the claims as the tables state them; a changed file, and a claim without a test, are refused in one line."""
 
 from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from fake_campaign import FakeCampaign, config, frame_of
 
-from experiments.gaps import registration
+from experiments import cells, draws
+from experiments.campaign.frame import Frame
+from experiments.claims import Claim, Row
+from experiments.gaps import headline, registration
+from experiments.recognition.protocol import RecognitionRows
+from experiments.rover import rover_fidelity
+from experiments.turntable import turntable_material, turntable_shape
+from radartwin.errors import InputError
+from radartwin.recognize.samples import Samples
 
-CLAIM = {
-    "claim of the paper": "order is kept", "table": "t", "metric": "m", "bound": "0.0", "direction": "above", "null": "0.0", "margin": "",
-    "test": "permutation", "unit": "objects", "verdict": "undecided",
-}  # fmt: skip
+REGISTERED = {one[registration.TEXT]: one for one in registration.claims()}
 
 
-def table(path: Path, *rows: dict) -> Path:
+def drawn(frame: Frame) -> Frame:
+    """Return the frame with the measured repetitions as draws."""
+    return frame.assign(draw=frame.repetition, repetition=0)
+
+
+def table(path: Path, **changed: str) -> Path:
+    """Write a headline table that states the registered claims, with other cells in its first row."""
+    rows = [
+        {**{name: "" if one[name] is None else str(one[name]) for name in (registration.TEXT, *registration.FIXED)},
+         "evidence": "draws 100 to 109, registered", "verdict": "undecided"}
+        for one in REGISTERED.values()
+    ]  # fmt: skip
+    rows[0] |= changed
     with path.open("w", newline="") as stream:
-        writer = csv.DictWriter(stream, list(CLAIM))
+        writer = csv.DictWriter(stream, list(rows[0]))
         writer.writeheader()
-        writer.writerows({**CLAIM, **row} for row in rows)
+        writer.writerows([*rows, {**rows[0], registration.TEXT: "beyond the testbed", "verdict": "not testable here"}])
     return path
 
 
-def test_registered_claims_are_kept_and_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    given = table(tmp_path / "h.csv", {}, {"claim of the paper": "other", "verdict": "not testable here"})
-    file = str(tmp_path / "r.json")
-    assert registration.main(["write", file, str(given)]) == 0
-    content = json.loads(Path(file).read_text())
-    assert (len(content["claims"]), content["claims"][0]["family"], content["draws"]["drives"]) == (1, "primary", [100, 102])
-    assert registration.main(["check", file, str(given)]) == 0
-    other = table(tmp_path / "o.csv", {"direction": "below"}, {"claim of the paper": "more"})
-    assert registration.main(["check", file, str(other)]) == 1
-    said = capsys.readouterr().out
-    assert "'order is kept': direction 'below', registered 'above'" in said
-    assert "'more' is not registered" in said
+@pytest.fixture
+def written(tmp_path: Path) -> Path:
+    path = tmp_path / "r.json"
+    assert registration.main(["write", str(path)]) == 0
+    return path
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({}, "states the claims of"),
+        ({"direction": "below"}, "direction 'below', registered 'above'"),
+        ({"bound": "0.1"}, "bound '0.1', registered 0.0"),
+        ({"evidence": "draws 0 to 9, exploratory"}, "draws 0 to 9, exploratory, registered draws 100 to 109"),
+        ({registration.TEXT: "more"}, "'more' is not registered"),
+    ],
+)
+def test_a_table_is_compared_with_the_registered_claims(
+    changed: dict[str, str], told: str, written: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert registration.main(["check", str(written), str(table(tmp_path / "h.csv", **changed))]) == (1 if changed else 0)
+    assert told in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
     ("change", "told"),
     [(lambda c: c["claims"][0].update(bound="0.1"), "the hash does not match"), (lambda c: c.pop("sha256"), "is no registration")],
 )
-def test_a_changed_file_is_refused_in_one_line(change, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    given, file = table(tmp_path / "h.csv", {}), tmp_path / "r.json"
-    registration.main(["write", str(file), str(given)])
-    content = json.loads(file.read_text())
+def test_a_changed_file_is_refused_in_one_line(
+    change, told: str, written: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    content = json.loads(written.read_text())
     change(content)
-    file.write_text(json.dumps(content))
-    assert registration.main(["check", str(file), str(given)]) == 2
+    written.write_text(json.dumps(content))
+    assert registration.main(["check", str(written), str(table(tmp_path / "h.csv"))]) == 2
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1
     assert told in lines[0]
 
 
-@pytest.mark.parametrize("name", ["test", "direction", "bound"])
-def test_a_claim_without_a_test_is_refused(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    given = table(tmp_path / "h.csv", {name: ""})
-    assert registration.main(["write", str(tmp_path / "r.json"), str(given)]) == 2
-    assert capsys.readouterr().err.strip() == f"registration: the claim 'order is kept' has no {name}; make its table again"
-    assert not (tmp_path / "r.json").exists()
+@pytest.mark.parametrize("name", ["test", "direction", "bound", "unit"])
+def test_a_claim_without_a_test_is_refused(name: str) -> None:
+    claim = {**next(iter(REGISTERED.values())), name: ""}
+    with pytest.raises(InputError, match=f"has no {name}; state it in"):
+        registration.registration([claim], "2026-11-28")
+
+
+def test_other_draws_than_the_registered_ones_are_exploratory() -> None:
+    told = [headline.evidence(config("headline", "profile=paper", *more), False) for more in
+            ([], ["profile.campaign.first_draw=100"], ["profile.campaign.first_draw=100", "profile.campaign.draws=11"])]  # fmt: skip
+    assert told == ["draws 0 to 9, exploratory", "draws 100 to 109, registered", "draws 100 to 110, exploratory"]
+
+
+def test_the_tables_state_the_claims_as_they_are_registered() -> None:
+    """Tables of two draws have the registered bounds and tests."""
+    few: dict[str, Any] = {
+        "repetitions": 2,
+        "frames": 24,
+        "objects": ("can_211_300", "can_211_400", "corner_reflector", "mug", "mustard", "olive_oil"),
+    }
+    turntable, drives = FakeCampaign(**few), FakeCampaign(("depth",), ("squash_court",), **few)
+    declared = ((turntable_shape, turntable), (turntable_material, turntable), (rover_fidelity, drives))
+    compared = 0
+    for module, source in declared:
+        rows = cells.table_rows(config(module.TABLE.name), drawn(frame_of(source, *module.MOTIONS[:1])), module.cells)
+        for one in (one for one in headline.HEADLINES if one.table == module.TABLE.name):
+            _same_rule(headline._row(rows, one), REGISTERED[one.text])
+            compared += 1
+    assert compared == 6
+
+
+def test_recognition_states_the_claims_as_they_are_registered() -> None:
+    objects = np.array(["a", "b", "c", "d"])
+
+    def joined(labels: np.ndarray, answered: bool) -> list[Row]:
+        made = []
+        for draw in range(2):
+            rng = np.random.default_rng(draw)
+            samples = Samples(("x",), np.zeros((4, 1)), objects, objects, np.full(4, "measured"), objects, labels, objects)
+            rows, hits = RecognitionRows(config("turntable_label_free")), rng.random((3, 4)) > 0.5
+            if answered:
+                rows.share({}, hits, samples, ["k"], 0.5, answers=[rng.permutation(labels) for _ in range(3)])
+            else:
+                rows.share({}, hits, samples, ["k"], 0.25)
+                rows.gain({}, hits, rng.random((3, 4)) > 0.5, samples, ["k"], Claim("it helps"))
+            made.append(list(rows))
+        return draws.joined_rows(made)
+
+    share, gain = joined(objects, answered=False)
+    (permuted,) = joined(np.array(["x", "x", "y", "y"]), answered=True)
+    assert (permuted.found.test, permuted.found.unit) == headline.ON_OBJECTS
+    assert (share.found.test, share.found.unit) == (gain.found.test, gain.found.unit) == headline.Headline("", "", "", "").test
+    _same_rule(gain, REGISTERED["training on simulation beats raw features (other recordings)"])
+
+
+def _same_rule(row: Mapping[str, Any] | None, registered: Mapping[str, Any]) -> None:
+    assert row is not None
+    stated = {name: row[name] for name in ("bound", "direction", "null", "margin", "test", "unit")}
+    assert stated == {name: registered[name] for name in stated}

@@ -114,6 +114,20 @@ def test_ssim_is_one_for_equal_maps_and_falls_with_noise() -> None:
     assert statistics.ssim(image[:4, :4], image[:4, :4]) == pytest.approx(1)
 
 
+def test_multi_scale_similarity_is_that_of_the_library_at_one_scale_and_falls_with_noise() -> None:
+    from skimage.metrics import structural_similarity
+
+    rng = np.random.default_rng(4)
+    small = np.clip(rng.random((16, 20)) / 2 + 0.2, 0, 1)
+    noisy = np.clip(small + 0.1 * rng.normal(size=small.shape), 0, 1)
+    gaussian = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False}
+    _, library = structural_similarity(small, noisy, data_range=1.0, full=True, **gaussian)
+    assert statistics.ms_ssim(small, noisy) == pytest.approx(library.mean())
+    image = np.clip(np.add.outer(np.linspace(0, 1, 120), np.linspace(0, 0.5, 180)), 0, 1)
+    little, much = (statistics.ms_ssim(image, np.clip(image + sigma * rng.normal(size=image.shape), 0, 1)) for sigma in (0.02, 0.3))
+    assert 0 < much < little < statistics.ms_ssim(image, image) == pytest.approx(1)
+
+
 def test_dependent_values_of_a_cluster_count_as_one_item() -> None:
     """The interval of clusters of equal values is that of one value per cluster, also within classes and at a limit."""
     values = np.random.default_rng(3).uniform(size=12)

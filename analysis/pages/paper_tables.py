@@ -1,0 +1,172 @@
+"""Write docs/paper-tables.md: the paper's tables, figures and numbers in its order, beside the rows of docs/results that answer them.
+
+`paper_tables.yaml` lists the sections. A row of a section has the keys `quantity`, `paper` (the paper's figure), `same` (whether the
+protocol is the same) and the columns that select one row of a results table. A list as a column's value gives a row for each entry.
+Instead of `quantity` and `paper`, a row may have `cells`: texts, and mappings with a `paper` of their own. `column` shows another column
+than the value, `here` is a text, and `setting` names a constant (module:NAME) or an attribute of the radar or the profile paper.
+
+A primary claim has the interval and the verdict of the table `headline`, because these include Holm's correction.
+"""
+
+from __future__ import annotations
+
+import functools
+import pkgutil
+from collections.abc import Callable, Iterator, Mapping
+from html import escape
+from operator import attrgetter
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pandas as pd
+import yaml
+
+from analysis.pages.filled import RESULTS, ROOT, number
+from experiments.claims import PRIMARY
+from radartwin.io import files
+
+PAGE = ROOT / "docs" / "paper-tables.md"
+CONTENT = Path(__file__).with_suffix(".yaml")
+LISTED = ("quantity", "paper", "here", "n", "verdict", "same protocol?")
+VARIANTS = ("twin", "truth", "layout")  # columns of further rows, which are empty in the rows of the study itself
+KEYS = ("quantity", "paper", "here", "setting", "times", "column", "same", "cells")
+INTRODUCTION = """# The paper's tables
+
+`python -m analysis.pages` writes this page from [docs/results](results/README.md). It follows the order of the paper. Each cell gives the
+figure of the paper, our figure with its 95 % confidence interval, the number n of recordings, and the verdict on the claim
+([concepts](concepts.md#draws-and-verdicts)). Intervals of primary claims state their level, which includes Holm's correction. A figure
+without a verdict states no claim. "Made again in 1.1" marks a row whose quantity or test has changed since its value was computed. Here,
+"measured" is the testbed, a second simulation that differs from the first on purpose. The last column says whether the protocol is that of
+the paper in all other respects.
+"""
+
+
+@functools.cache
+def content() -> list[dict[str, Any]]:
+    """Return the sections of the page."""
+    return yaml.safe_load(CONTENT.read_text(encoding="utf-8"))
+
+
+def committed(name: str) -> pd.DataFrame:
+    """Return the rows of a table of docs/results as texts."""
+    return pd.read_csv(RESULTS / f"{name}.csv", dtype=str, keep_default_na=False)
+
+
+def tables(read: Callable[[str], pd.DataFrame] = committed, absent: str = "") -> Iterator[tuple[str, str, pd.DataFrame]]:
+    """Yield title, note and table of each section.
+
+    Args:
+        read: function that returns the rows of a results table as texts; an empty table stands for a missing one.
+        absent: text of a cell whose row is missing; if it is empty, such a cell raises ValueError.
+    """
+    read = functools.cache(read)
+    for section in content():
+        columns = section.get("columns", LISTED)
+        if "every" in section:
+            table = read(section["every"]).reindex(columns=columns, fill_value="")
+            table = table[table["target"] != ""]
+        else:
+            lines = [_line(read, absent, row) for row in _expanded(section.get("where", {}), section["rows"])]
+            table = pd.DataFrame([[str(cell) for cell in line] for line in lines], columns=columns)
+        yield section["title"], section.get("note", ""), table
+
+
+def text() -> str:
+    """Return the page as Markdown."""
+    parts = [INTRODUCTION]
+    for title, note, table in tables():
+        parts += [f"## {title}\n", *([f"{note}\n"] if note else []), markdown(table), ""]
+    return "\n".join(parts)
+
+
+def markdown(table: pd.DataFrame) -> str:
+    """Return a table as Markdown."""
+    return "\n".join(f"| {' | '.join(line)} |" for line in (table.columns, ["---"] * len(table.columns), *table.to_numpy()))
+
+
+def html(read: Callable[[str], pd.DataFrame]) -> str:
+    """Return the sections as HTML, with the values of the tables of a report."""
+    parts = []
+    for title, note, table in tables(read, absent="not made"):
+        lines = table.map(lambda cell: escape(cell).replace("&lt;br&gt;", "<br>")).to_html(index=False, border=0, escape=False)
+        parts.append(f'<h3>{escape(title)}</h3>\n<p class="caption">{escape(note)}</p>\n<div class="scroll">{lines}</div>')
+    return "\n".join(parts)
+
+
+def write() -> None:
+    """Write the page."""
+    files.write_atomically(PAGE, text())
+
+
+def answer(read: Callable[[str], pd.DataFrame], absent: str, row: Mapping[str, Any]) -> tuple[str, str, str]:
+    """Return our figure with its interval, the number of recordings, and the verdict."""
+    if "here" in row or "setting" in row:
+        value = row["here"] if "here" in row else _setting(row["setting"])
+        return ", ".join(map(str, value)) if isinstance(value, list) else _short(value, row.get("times", 1)), "", ""
+    found = _row(read, absent, row)
+    if found is None or "column" in row or not found["value"]:
+        return absent if found is None else _short(found[row["column"]]) if "column" in row else "–", "", ""
+    low, high = found["low"], found["high"]
+    level = f" at {100 * float(found['level']):.1f} %" if found.get("family") == PRIMARY else ""
+    interval = f" ({number(float(low))} to {number(float(high))}{level})" if low and high and low != high else ""
+    return number(float(found["value"])) + interval, found["n"], found["verdict"] or found.get("reason", "")
+
+
+def _row(read: Callable[[str], pd.DataFrame], absent: str, row: Mapping[str, Any]) -> Any:
+    """Return the row of a results table that the columns of `row` select, or that of the headline for a primary claim."""
+    wanted = {column: str(value) for column, value in row.items() if column not in (*KEYS, "table") and value is not None}
+    rows = read(row["table"])
+    for column, value in ({name: "" for name in VARIANTS if name in rows} | wanted).items():
+        rows = rows[rows[column] == value] if column in rows else rows[:0]
+    if len(rows) != 1:
+        if absent:
+            return None
+        raise ValueError(f"{row['table']}.csv: {len(rows)} rows have {wanted}, not one; change {CONTENT.name}")
+    known, primary = rows.iloc[0], read("headline")
+    if len(primary) and "column" not in row:
+        same = primary["table"] == row["table"]
+        for column in ("metric", "value", "run_keys"):
+            same &= primary[column] == known[column]
+        return primary[same].iloc[0] if same.any() else known
+    return known
+
+
+def _expanded(shared: Mapping[str, Any], rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    """Yield the rows with the columns of their section, and a row for each value of a list."""
+    for row in rows:
+        row = {**shared, **row}
+        several = [column for column, value in row.items() if isinstance(value, list) and column != "cells"]
+        yield from ({**row, several[0]: value} for value in row[several[0]]) if several else (row,)
+
+
+def _line(read: Callable[[str], pd.DataFrame], absent: str, row: Mapping[str, Any]) -> list[Any]:
+    """Return the cells of a row. One of its `cells` shows the paper's figure, our figure, n and the verdict on lines of their own."""
+    if "cells" not in row:
+        return [row["quantity"].format_map(row).replace("_", " "), row["paper"], *answer(read, absent, row), row["same"]]
+    line = []
+    for cell in row["cells"]:
+        if isinstance(cell, dict):
+            here, n, verdict = answer(read, absent, {**row, **cell})
+            parts = [f"paper {cell['paper']}" if cell["paper"] != "" else "", f"here {here}", f"n {n}" if n else "", verdict]
+            line.append("<br>".join(filter(None, parts)))
+        else:
+            line.append(str(cell).format_map(row).replace("_", " "))
+    return [*line, row["same"]]
+
+
+def _short(value: Any, times: float = 1) -> str:
+    try:
+        scaled = float(value) * times
+    except ValueError:
+        return str(value)
+    return f"{scaled:.3g}"
+
+
+def _setting(name: str) -> Any:
+    from radartwin.config.compose import compose
+    from radartwin.radar.chirp import Radar
+
+    if ":" in name:
+        return pkgutil.resolve_name(name)
+    return attrgetter(name)(SimpleNamespace(config=compose(["experiment=turntable_shape", "profile=paper"]), radar=Radar.iwr1843()))
