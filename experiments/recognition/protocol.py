@@ -29,7 +29,7 @@ from radartwin.recognize.samples import Samples
 from radartwin.recognize.split import Split, label_free
 from radartwin.recognize.text import embed
 from radartwin.recognize.training import fit
-from radartwin.scene.objects.catalogue import catalogue
+from radartwin.scene.objects.assortment import every_object
 
 LEAST_GAIN = 0.02  # smallest gain in accuracy that counts as an effect: one recording in fifty
 CHANCE_MARGIN = 0.1  # an accuracy that differs from chance by at most one recording in ten counts as chance
@@ -39,14 +39,14 @@ NO_SESSIONS = "the receiver has no gain and no start offset of its own in each s
 FLOOR_ONLY = "within 1 m of the target, the court has only the floor"
 ONE_OBJECT = "a class has a single object"
 TEXT, CENTROID = "nearest text", "other recordings"  # names of probes
-GEOMETRY = {name: "symmetric" if entry.symmetric else "asymmetric" for name, entry in catalogue().items()}
-SHAPE: dict[str, str] = {name: entry.shape for name, entry in catalogue().items()}
-MATERIAL: dict[str, str] = {name: entry.material_class for name, entry in catalogue().items()}
+GEOMETRY = {name: "symmetric" if entry.symmetric else "asymmetric" for name, entry in every_object().items()}
+SHAPE: dict[str, str] = {name: entry.shape for name, entry in every_object().items()}
+MATERIAL: dict[str, str] = {name: entry.material_class for name, entry in every_object().items()}
 
 
 def anchors(objects: Iterable[str], text: str = "description") -> dict[str, NDArray]:
     """Return {object: embedding vector of the object's text}. `text` is "description" (its looks) or "radar_description" (its echo)."""
-    known, names = catalogue(), sorted(objects)
+    known, names = every_object(), sorted(objects)
     return dict(zip(names, embed([getattr(known[name], text) for name in names]), strict=True))
 
 
