@@ -62,11 +62,11 @@ from radartwin.store.products import Store
 TABLE = Table(
     name="many_objects",
     title="Many objects",
-    caption="Objects of the assortment on a turntable without a room. Measured revolutions are classified by the nearest class centroid of "
-    "k labelled measured revolutions, and without labels by that of simulated revolutions, in the space of the raw features and of "
-    "encoders trained on simulation alone. RF-Genesis is the corrected re-implementation. 'Model of another object' trains on the model of another "
-    "object of the same kind. Saved labels are the labels that raw features need in addition for the same accuracy, at most 4 in all. n "
-    "counts measured recordings. Tests exchange the methods or classes of whole objects, pooled over draws.",
+    caption="Objects of the assortment on a turntable without a room. Measured revolutions are classified by the nearest class centroid "
+    "of k labelled measured revolutions, and without labels by that of simulated revolutions, in the space of the raw features and of "
+    "encoders trained on simulation alone. RF-Genesis is the corrected re-implementation. 'Model of another object' trains on the model "
+    "of another object of the same kind. Saved labels are the labels that raw features need in addition for the same accuracy, at most 4 "
+    "in all. n counts measured recordings. Tests exchange the methods or classes of whole objects, pooled over draws.",
 )
 
 OTHER = "model of another object of its kind"
