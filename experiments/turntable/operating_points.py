@@ -100,6 +100,11 @@ class Point:
         return all(low <= float(np.mean(self.values[name])) <= high for name, (low, high) in LIMITS.items())
 
     @property
+    def together(self) -> np.ndarray:
+        """Whether all three figures of a recording are inside the limits, (N,)."""
+        return np.all([(low <= self.values[name]) & (self.values[name] <= high) for name, (low, high) in LIMITS.items()], axis=0)
+
+    @property
     def departure(self) -> float:
         """Root mean square, over the three figures, of (mean - paper's figure) / (upper limit - paper's figure)."""
         parts = [(np.mean(self.values[name]) - PAPER[name]) / (LIMITS[name][1] - PAPER[name]) for name in FIGURES]
@@ -163,7 +168,9 @@ def best(points: Sequence[Point]) -> Point | None:
 
 
 def add_rows(rows: RowList, points: Sequence[Point]) -> None:
-    """Add the figures of the points nearest to the paper's, and one row with the number of points at which its figures occur together."""
+    """Add the figures of the points nearest to the paper's, the share of recordings with its figures at the point with most of them, and
+    the number of points at which its figures occur together in the mean.
+    """
     nearest = sorted(points, key=lambda one: (not one.accepted, one.departure))
     for one in nearest[:SHOWN]:
         case = {"distance_m": DISTANCE_M, "target_to_room_db": one.ratio_db, "scale": one.scale}
@@ -172,6 +179,10 @@ def add_rows(rows: RowList, points: Sequence[Point]) -> None:
         for name in (VOID, "room"):
             limits = {"limits": statistics.SIGNED, "on": statistics.FISHER}
             rows.add_mean({**case, "case": f"{name}, {one.name}"}, "profile correlation", one.values[name], one.keys, **limits)
+    most = max(nearest, key=lambda one: one.together.sum())
+    case = {"distance_m": DISTANCE_M, "target_to_room_db": most.ratio_db, "case": f"measured, {most.name}", "scale": most.scale}
+    share = statistics.share(int(most.together.sum()), len(most.together))
+    rows.add(case, "share of recordings with the paper's figures, largest", share, most.keys)
     shown, count = nearest[0], sum(one.accepted for one in points)
     means = ", ".join(f"{np.mean(shown.values[name]):+.2f}" for name in FIGURES)
     text = f"{'best' if shown.accepted else 'none, nearest'}: {shown.name}, {SCALES[shown.scale]}: {means}"
