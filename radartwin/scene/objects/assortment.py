@@ -2,8 +2,9 @@
 
 The file assortment.csv lists kind, material, contents, size and the source of the size of each object. Sizes are those of the Can
 Manufacturers Institute (CMI), of the YCB set (B. Calli et al., IEEE Robotics and Automation Magazine 22 (2015) 36), of product pages, or of
-catalogue bottles at another volume. The objects of a kind differ in size only, so that another object of its kind is a wrong model of an
-object. Shapes, walls and the handles of mugs follow the catalogue; without a stated handle its reach is an order-of-magnitude estimate.
+catalogue bottles at another volume. The objects of a kind have one shape and differ in size, and some bottles also in plastic and contents,
+so that another object of its kind is a wrong model of an object. Shapes, walls and the handles of mugs follow the catalogue; without a
+stated handle its reach is an order-of-magnitude estimate.
 """
 
 from __future__ import annotations
