@@ -23,7 +23,8 @@ from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
 from radartwin.radar.processing import range_axis, velocity_axis
 from radartwin.runs.experiment import Result
-from radartwin.scene.objects.catalogue import catalogue, entry, with_other_reflectors
+from radartwin.scene.objects.assortment import every_object
+from radartwin.scene.objects.catalogue import catalogue, entry
 from radartwin.store.digest import spec_digest
 
 LEVEL = {"metal": 1.0, "ceramic": 0.3, "plastic": 0.12}
@@ -82,7 +83,7 @@ class FakeCampaign:
         return self.made[domain, case, source]
 
     def _made(self, domain: str, case: Case, source: str) -> tuple[str, Processed]:
-        kind = with_other_reflectors()[case.object]
+        kind = every_object()[case.object]
         own = np.random.default_rng([catalogue_number(case.object), 1])
         log = self.log(case, domain)
         frames = len(log.distance_m)
@@ -148,4 +149,4 @@ def draw_all(result: Result) -> set[str]:
 
 
 def catalogue_number(name: str) -> int:
-    return list(catalogue()).index(REFLECTOR if name.startswith(REFLECTOR) else name)
+    return list(every_object()).index(REFLECTOR if name.startswith(REFLECTOR) else name)

@@ -163,7 +163,8 @@ class Campaign:
             return recorded.key(case), lambda: recorded.recording(case), {}
         product = self.clean(domain, case, materials)
         if domain == MEASURED:
-            spec = {"hardware": self.config.measured.gap.hardware, "seed": truth.seed_of(case, self.config)}
+            gap = self.config.measured.gap
+            spec = {"hardware": gap.hardware, "unscanned": gap.unscanned_echoes, "seed": truth.seed_of(case, self.config)}
             return product.key, lambda: truth.receive(load_clean(product), case, self.config), spec
         return product.key, lambda: twin.noisy(load_clean(product), case.condition, self.config), {"seed": self.config.seed}
 

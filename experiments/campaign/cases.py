@@ -9,7 +9,8 @@ import numpy as np
 
 from radartwin.errors import ConfigError
 from radartwin.scene import rooms
-from radartwin.scene.objects.catalogue import catalogue, with_other_reflectors
+from radartwin.scene.objects.assortment import every_object
+from radartwin.scene.objects.catalogue import catalogue
 from radartwin.scene.trajectories import trajectory
 
 if TYPE_CHECKING:
@@ -92,21 +93,21 @@ def planned(config: CampaignConfig, measured: bool) -> list[Case]:
     """List all recordings of a virtual measurement campaign. Only the measured recordings have repetitions and draws. Raises ConfigError
     for an unknown object.
     """
-    known = catalogue()
+    known, usual = every_object(), catalogue()
     for kind in ("turntable_objects", "rail_objects", "rover_objects"):
         for name in getattr(config, kind):
             if name not in known:
                 raise ConfigError(f"{config.OPTION}.{kind}: unknown object {name!r}; choose {', '.join(known)}")
     cases = []
-    for name in config.turntable_objects or list(known):
+    for name in config.turntable_objects or list(usual):
         distances = config.reflector_distances_m if name == REFLECTOR else config.turntable_distances_m
-        cases += [Case(name, BENCH_ROOM, "turntable", d) for d in distances]
+        cases += [Case(name, config.turntable_room, "turntable", d) for d in distances]
     for name in config.rail_objects:
         cases += [Case(name, BENCH_ROOM, motion, RAIL_START_M) for motion in RAIL]
     for room in config.rover_rooms:
         for motion in ROVER:
             for distance in config.rover_distances_m:
-                for name in config.rover_objects or [entry.name for entry in known.values() if entry.rover]:
+                for name in config.rover_objects or [entry.name for entry in usual.values() if entry.rover]:
                     cases.append(Case(name, room, motion, distance))
     if not measured:
         return cases
@@ -147,7 +148,7 @@ def course(case: Case, rate_hz: float, frames: int, turn_s: float = TURN_S, driv
             recorded lateral drive is moved to the nominal start. A recorded depth drive is moved along the line of sight until its smallest
             distance is that of the case, so that the drive may start at either end.
     """
-    known = with_other_reflectors().get(case.object)
+    known = every_object().get(case.object)
     aim = np.array([0.0, 0.0, known.aim_m if known else 0.0])
     if case.motion in ROVER:
         bench = rooms.bench(case.room)

@@ -1,7 +1,7 @@
 """The columns of the frame that are read from a recording. Each motion has its own columns; arrays are the values of one cell.
 
-A turntable recording has `localised`: whether the strongest echo over all ranges lies in the target gate, and the mean and the median over
-frames of the power (B,) in the bins `range_m`. If its revolutions are whole and have enough frames, it has the features of the set
+A turntable recording has `localised`: whether the strongest echo over all ranges lies in the target gate, and the averages over frames
+(AVERAGES) of the power (B,) in the bins `range_m`. If its revolutions are whole and have enough frames, it has the features of the set
 `rotation`, the same features of each whole revolution (`revolutions`), and the range-Doppler signature of a revolution (N, R). A corner
 reflector also has the power (F, B) of its first revolution, the channel signals (1, A, B) of its first frame, and the Bartlett power map
 (1, B, azimuths) of this frame; other objects have (0, ...). A rail recording has ranges (F,) in metres: the logged range `nominal_m`, and
@@ -54,8 +54,7 @@ def _turntable(case: Case, processed: Processed, log: Log) -> Columns:
         **whole,
         "localised": bool(gate(processed.range_m, target_m)[strongest]),
         "range_m": processed.range_m,
-        "mean_power": processed.power.mean(axis=0, dtype=float),
-        "median_power": np.median(processed.power.astype(float), axis=0),
+        **{f"{name}_power": average(processed.power.astype(float)) for name, average in AVERAGES.items()},
         "revolution": processed.power[turn if case.object.startswith(REFLECTOR) else slice(0)],
         "first_frame": (first := processed.channels[: case.object.startswith(REFLECTOR)]),
         "azimuth_map": np.abs(first.swapaxes(1, 2) @ steering(processed.radar, AZIMUTH_RAD)) ** 2,
@@ -108,6 +107,12 @@ def _drive(case: Case, processed: Processed, log: Log) -> Columns:
     }
 
 
+AVERAGES: dict[str, Callable[[np.ndarray], np.ndarray]] = {  # averages of the power (F, B) over frames
+    "mean": lambda power: power.mean(axis=0),
+    "amplitude": lambda power: np.sqrt(power).mean(axis=0) ** 2,
+    "db": lambda power: np.exp(np.log(np.maximum(power, 1e-30)).mean(axis=0)),
+    "median": lambda power: np.median(power, axis=0),
+}
 READERS: dict[str, Callable[[Case, Processed, Log], Columns]] = {
     "turntable": _turntable, **dict.fromkeys(RAIL, _rail), **dict.fromkeys(ROVER, _drive),
 }  # fmt: skip

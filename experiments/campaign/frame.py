@@ -21,7 +21,7 @@ from experiments.campaign.source import RecordingSource
 from radartwin.errors import ConfigError, InputError
 from radartwin.features.envelope import HARMONICS
 from radartwin.io.progress import Progress
-from radartwin.scene.objects.catalogue import catalogue, with_other_reflectors
+from radartwin.scene.objects.assortment import every_object
 from radartwin.store.products import save_arrays
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def shared(source: RecordingSource, motions: Sequence[str]) -> Wanted:
             f"the campaign has no {' or '.join(motions)} recordings of one object and place, both measured and simulated; "
             "add objects or distances to profile.campaign or to the recording set"
         )
-    objects = list(catalogue())
+    objects = list(every_object())
     wanted = [(domain, case) for domain, case in cases if _place(case) in common]
     return sorted(
         wanted,
@@ -71,7 +71,7 @@ def read(source: RecordingSource, wanted: Wanted, progress: Progress, materials:
     """Read the frame of some recordings."""
     import pandas as pd
 
-    rows, known = [], with_other_reflectors()
+    rows, known = [], every_object()
     for domain, case in progress.over(list(wanted), "recordings read"):
         key, processed = source.processed(domain, case, materials)
         conditions = dict(zip(CONDITIONS, astuple(case), strict=True)) | {"domain": domain, "twin": "", "key": key}

@@ -2,8 +2,9 @@
 
 This module never imports the simulated scan, the material labels or the simulator settings of the scanned room. A clean recording (before
 receiver effects) depends only on whether the option measured.gap.hardware is zero, so all values above zero give the same clean recording.
-Noise, leakage and ADC effects are added when the recording is read. Their random seed comes from the configured seed, the draw and the
-name of the recording.
+Unscanned echoes, noise, leakage and ADC effects are added when the recording is read, so all strengths of unscanned echoes share a clean
+recording. The random seed of noise, leakage and ADC comes from the configured seed, the draw and the name of the recording, and that of the
+unscanned echoes from the configured seed and the draw.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.radar.hardware import Hardware
 from radartwin.radar.recording import Recording
 from radartwin.scene import rooms
-from radartwin.scene.objects.catalogue import with_other_reflectors
+from radartwin.scene.objects.assortment import every_object
 from radartwin.scene.scene import Scene, Surface
 from radartwin.simulation.aspects import SHADOW_ASPECTS, SHADOW_ROUND, Aspects, needed
 from radartwin.simulation.backends.mitsuba import TraceSettings
@@ -33,7 +34,7 @@ from radartwin.simulation.backends.track import Track
 from radartwin.simulation.signal.synthesis import received
 from radartwin.simulation.simulate import simulate
 from radartwin.store.recent import Recent
-from radartwin.testbed import bystander, drift, fixtures, testbed
+from radartwin.testbed import bystander, drift, fixtures, testbed, unscanned
 from radartwin.testbed import motion_errors as errors
 from radartwin.testbed.object_shape import as_made
 
@@ -64,7 +65,7 @@ def root_of(case: Case, config: Config) -> int:
 
 def specification(case: Case, config: Config) -> dict[str, Any]:
     """Return the specification of a clean recording (before receiver effects). The specification decides the recording's store key."""
-    gap = {**asdict(gaps_of(config)), "hardware": config.measured.gap.hardware > 0}
+    gap = {**asdict(replace(gaps_of(config), unscanned_echoes=0.0)), "hardware": config.measured.gap.hardware > 0}
     campaign = config.profile.campaign
     if case.motion == "turntable":
         course = {"turns": campaign.turns, "frames_per_turn": campaign.frames_per_turn}
@@ -90,7 +91,7 @@ def record(case: Case, config: Config) -> Recording | Turned:
     A turntable recording with more frames than traced target angles is returned as `Turned`, which interpolates its frames between the
     traced angles.
     """
-    gaps = gaps_of(config)
+    gaps = replace(gaps_of(config), unscanned_echoes=0.0)
     nominal = log(case, config.profile.campaign, measured=True)
     radar = replace(build_radar(config.radar), frame_rate_hz=nominal.frame_rate_hz)
     fine = gaps.solver > 0
@@ -102,11 +103,10 @@ def record(case: Case, config: Config) -> Recording | Turned:
         coupled_rays_per_wavelength2=0.5 if fine else 1.0,  # docs/decisions/017-run-time-of-tables.md has the errors
         variant=config.simulator.variant,
     )
-    hardware = Hardware(board=case.draw).scaled(gaps.hardware)
-    antennas = AntennaErrors(board=hardware.board).scaled(gaps.antenna) or radar.antenna_errors
-    place = _Place(replace(hardware.front_end(radar), antenna_errors=antennas), nominal, gaps, settings)
+    place = _Place(_front_end(radar, case, gaps), nominal, gaps, settings)
     seed, root = seed_of(case, config), root_of(case, config)
-    if_filter = None if hardware.if_filter is None else hardware.if_filter.to_dict()
+    filtered = Hardware(board=case.draw).scaled(gaps.hardware).if_filter
+    if_filter = None if filtered is None else filtered.to_dict()
     provenance = {"kind": "testbed, clean", "if_filter": if_filter}
     creep = _creep(case, place, seed, root) if case.motion == "turntable" else None
     person = _person(case, place, seed, root)
@@ -123,12 +123,19 @@ def record(case: Case, config: Config) -> Recording | Turned:
     return Recording(iq, radar, None, provenance=provenance)
 
 
+def _front_end(radar: Radar, case: Case, gaps: testbed.Gaps) -> Radar:
+    """Return the radar with the line losses, the IF filter and the antennas of the board of a draw."""
+    hardware = Hardware(board=case.draw).scaled(gaps.hardware)
+    antennas = AntennaErrors(board=hardware.board).scaled(gaps.antenna) or radar.antenna_errors
+    return replace(hardware.front_end(radar), antenna_errors=antennas)
+
+
 @functools.cache
 def aspects(target: str, gaps: testbed.Gaps) -> int:
     """Return the number of target angles (aspects) to trace per revolution. A recording with more frames is
     interpolated between the traced target angles.
     """
-    entry = with_other_reflectors()[target]
+    entry = every_object()[target]
     surfaces = entry.surfaces()
     tilt = np.radians(errors.TurntableErrors().wobble_deg) * gaps.trajectory
     height = max(float(s.mesh.bounds[1, 2]) for s in surfaces) + errors.TurntableErrors().pivot_m
@@ -138,18 +145,21 @@ def aspects(target: str, gaps: testbed.Gaps) -> int:
 
 def shadows(target: str) -> int:
     """Return the number of target angles per revolution at which to compute the target's shadow, if a recording has more frames."""
-    return SHADOW_ASPECTS if with_other_reflectors()[target].outline_m is None else SHADOW_ROUND
+    return SHADOW_ASPECTS if every_object()[target].outline_m is None else SHADOW_ROUND
 
 
 def receive(clean: Recording, case: Case, config: Config) -> Recording:
-    """Add receiver effects (noise, leakage, ADC) of this repetition to a clean recording."""
-    return testbed.received(clean, Hardware(board=case.draw).scaled(gaps_of(config).hardware), seed_of(case, config))
+    """Add unscanned echoes, and the receiver effects (noise, leakage, ADC) of this repetition, to a clean recording."""
+    nominal, gaps = log(case, config.profile.campaign, measured=True), gaps_of(config)
+    radar, root = _front_end(clean.radar, case, gaps), root_of(case, config)
+    clean = unscanned.added(clean, radar, nominal.sensor_poses, nominal.distance_m, gaps.unscanned_echoes, root)
+    return testbed.received(clean, Hardware(board=case.draw).scaled(gaps.hardware), seed_of(case, config))
 
 
 def _target(case: Case, gaps: testbed.Gaps, seed: int) -> Scene:
     """Return the true surfaces of the object in the object's own frame. All repetitions of a recording use the same object."""
     own = int(np.random.SeedSequence([seed, *case.object.encode()]).generate_state(1)[0])
-    made = as_made(with_other_reflectors()[case.object], gaps.object_shape, np.random.default_rng(own))
+    made = as_made(every_object()[case.object], gaps.object_shape, np.random.default_rng(own))
     return testbed.truth(Scene(made), gaps, own, target=True)
 
 

@@ -29,7 +29,7 @@ from radartwin.features.families import feature_set
 from radartwin.label.sources import material_source, without_fragments
 from radartwin.radar.recording import Recording
 from radartwin.scene import rooms
-from radartwin.scene.objects.catalogue import with_other_reflectors
+from radartwin.scene.objects.assortment import every_object
 from radartwin.scene.scene import Scene
 from radartwin.simulation.backends.track import Track, straight
 from radartwin.simulation.signal.synthesis import received, thermal_noise
@@ -86,7 +86,7 @@ def record(
     radar = replace(build_radar(config.radar), frame_rate_hz=nominal.frame_rate_hz)
     room = room_of(case, config, materials, store)
     stand = _stand(stand_top(nominal).tobytes())
-    target = list(with_other_reflectors()[case.object].surfaces(contents=config.contents))
+    target = list(every_object()[case.object].surfaces(contents=config.contents))
     motion = {case.object: np.repeat(nominal.target_poses, nominal.frames // len(nominal.target_poses), axis=0)}
     simulator = config.simulator
     if isinstance(simulator, AutoSimulator):

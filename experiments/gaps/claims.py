@@ -99,6 +99,7 @@ def _scaled(gap: str, s: float) -> tuple[Expected, ...]:
     """Return the predictions for a gap whose bounds depend on the gap's strength `s`."""
     level = s * LINES_DB + FILTER_DB
     ripple = RIPPLE_DB + 20 * float(np.log10(s)) if s else -np.inf
+    more = 10 * float(np.log10(1 + s))  # level of the room with the s-fold energy added
     return {
         "antenna": (
             ("turntable", "target change (dB)",
@@ -131,6 +132,13 @@ def _scaled(gap: str, s: float) -> tuple[Expected, ...]:
             ("drive", "room level (dB)", within("levels stay", -1.0, 1.0)),
             ("turntable", "target change (dB)", Claim("phases turn by more than a radian", bound=-3.0)),
             ("turntable", "room level (dB)", within("the room is the same", -0.5, 0.5)),
+        ),
+        "unscanned_echoes": (
+            ("turntable", "room level (dB)",
+             within(f"energies of independent echoes add, {more:.1f} dB", more - 2, more + 2)),
+            ("turntable", "multipath share", Claim("more of the energy is not the target's", bound=0.0)),
+            ("turntable, metal", "target brightness (dB)", within("the target stays", -1.0, 1.0)),
+            ("drive", "room level (dB)", Claim("more echoes return more power", bound=0.0)),
         ),
         "placement": (
             ("turntable", "track rms (mm)", within("the target stands millimetres off", 0.3, 20.0 * s)),

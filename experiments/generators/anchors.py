@@ -10,12 +10,15 @@ from __future__ import annotations
 import numpy as np
 
 from radartwin.recognize.text import embed, write_shipped
-from radartwin.scene.objects.catalogue import catalogue
+from radartwin.scene.objects.assortment import every_object
 
 
 def main() -> None:
-    entries = catalogue().values()
-    kinds = {"look": [entry.description for entry in entries], "radar echo": [entry.radar_description for entry in entries]}
+    entries = every_object().values()
+    kinds = {
+        "look": [entry.description for entry in entries],
+        "radar echo": [entry.radar_description for entry in entries if entry.radar_description],
+    }
     print(write_shipped([text for texts in kinds.values() for text in texts]))
     for kind, texts in kinds.items():
         cosines = np.triu(embed(texts) @ embed(texts).T, k=1)

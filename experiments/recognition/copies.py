@@ -31,7 +31,7 @@ from radartwin.recognize import randomise
 from radartwin.recognize.augment import added_noise
 from radartwin.recognize.learners.interface import Reads
 from radartwin.recognize.samples import gather
-from radartwin.scene.objects.catalogue import with_other_reflectors
+from radartwin.scene.objects.assortment import every_object
 from radartwin.store.products import Store, save_arrays
 
 ROOTS = [
@@ -145,7 +145,7 @@ def _alone(config: Config, store: Store, campaign: Campaign, case: Case, seed: l
     physical = replace(strengths(config), level=0.0, if_filter=0.0, channels=0.0, noise=0.0)
     own, log = campaign.config, campaign.log(case, TWIN)
     radar = replace(build_radar(own.radar), frame_rate_hz=log.frame_rate_hz)
-    surfaces = with_other_reflectors()[case.object].surfaces(contents=own.contents)
+    surfaces = every_object()[case.object].surfaces(contents=own.contents)
     turned = np.repeat(log.target_poses, log.frames // len(log.target_poses), axis=0)
     simulator = fixed_simulator(own.simulator)
     count = min(config.supervision.variants, config.supervision.copies)

@@ -30,7 +30,7 @@ from radartwin.recognize.score import uniform_chance
 from radartwin.recognize.split import Split, label_free
 from radartwin.recognize.text import embed
 from radartwin.recognize.training import fit
-from radartwin.scene.objects.catalogue import catalogue
+from radartwin.scene.objects.assortment import every_object
 
 if TYPE_CHECKING:
     from experiments.recognition.readings import Readings
@@ -44,16 +44,16 @@ FLOOR_ONLY = "within 1 m of the target, the court has only the floor"
 ONE_OBJECT = "a class has a single object"
 ECHOES, LOOKS = "radar_description", "description"  # texts of an object: how its echo varies over a revolution, and what it looks like
 TEXT, CENTROID = "nearest text", "other recordings"  # names of probes
-GEOMETRY = {name: "symmetric" if entry.symmetric else "asymmetric" for name, entry in catalogue().items()}
-SHAPE: dict[str, str] = {name: entry.shape for name, entry in catalogue().items()}
-MATERIAL: dict[str, str] = {name: entry.material_class for name, entry in catalogue().items()}
+GEOMETRY = {name: "symmetric" if entry.symmetric else "asymmetric" for name, entry in every_object().items()}
+SHAPE: dict[str, str] = {name: entry.shape for name, entry in every_object().items()}
+MATERIAL: dict[str, str] = {name: entry.material_class for name, entry in every_object().items()}
 
 
 def anchors(objects: Iterable[str], text: str = ECHOES) -> dict[str, NDArray]:
     """Return {object: embedding vector of the object's text}. `text` is ECHOES, as in the paper, or LOOKS, also for objects without an
     echo's text.
     """
-    known, names = catalogue(), sorted(objects)
+    known, names = every_object(), sorted(objects)
     text = text if all(getattr(known[name], text) for name in names) else LOOKS
     return dict(zip(names, embed([getattr(known[name], text) for name in names]), strict=True))
 

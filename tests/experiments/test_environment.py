@@ -5,20 +5,24 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
+import pandas as pd
 import pytest
 from fake_campaign import FakeCampaign, config, draw_all, find
 
 from experiments.campaign import frame
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import Case
+from experiments.campaign.columns import AVERAGES
 from experiments.claims import RowList
 from experiments.turntable import environment, operating_points
-from experiments.turntable.operating_points import LEGS_M, Point
+from experiments.turntable.operating_points import LEGS_M, Condition, Point
+from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features.log import Nominal
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result, check_rows
-from radartwin.scene.objects.catalogue import OTHER_LEGS_M, entry, with_other_reflectors
+from radartwin.scene.objects.assortment import every_object
+from radartwin.scene.objects.catalogue import OTHER_LEGS_M, entry
 from radartwin.store.products import Store
 
 COUNT = "operating points with the paper's figures"
@@ -35,10 +39,14 @@ class Marked(FakeCampaign):
 quiet = partial(frame.read, progress=Progress(quiet=True))
 
 
+def points_of(chosen: Config) -> list[Point]:
+    profiles = quiet(Marked(distances=(2.0,)), operating_points.wanted(chosen))
+    return operating_points.read(chosen, dict.fromkeys(operating_points.conditions(chosen), profiles))
+
+
 def scored() -> Result:
     chosen, campaign = config("environment"), Marked(distances=(0.5, 1.0, 1.5, 2.0))
-    points = operating_points.read(chosen, {True: quiet(campaign, operating_points.wanted(chosen))})
-    return environment.with_points(chosen, environment.score(chosen, environment.read(chosen, campaign, quiet)), points)
+    return environment.with_points(chosen, environment.score(chosen, environment.read(chosen, campaign, quiet)), points_of(chosen))
 
 
 @pytest.fixture(scope="module")
@@ -85,38 +93,57 @@ def test_materials_void_and_uniform_leave_out_the_rows_that_they_repeat() -> Non
 
 def test_the_ratio_of_target_to_room_follows_the_leg(table: Result) -> None:
     """The echo of the reflector grows with the fourth power of its leg, and the synthetic room has the same echo at every leg."""
-    for statistic in ("mean", "median"):
-        rows = [
-            find(table, metric="energy share beyond the target", case=f"measured, leg {100 * leg:g} cm, with lobes, {statistic} of frames")
-            for leg in LEGS_M["quick"]
-        ]
-        ratio = np.array([row["target_to_room_db"] for row in rows])
-        assert np.diff(ratio) == pytest.approx(40 * np.diff(np.log10(LEGS_M["quick"])), abs=1.5)
-        assert (np.diff([row["value"] for row in rows]) < 0).all()
-    count = find(table, metric=COUNT)
-    assert count["items"] == 4 * 2 * 2  # legs, mean and median, scales
+    chosen = config("environment")
+    points = [one for one in points_of(chosen) if not one.condition.unscanned]
+    for average in AVERAGES:
+        some = [one for one in points if (one.average, one.window, one.scale) == (average, "all ranges", "db")]
+        assert [one.leg_m for one in some] == list(LEGS_M["quick"])
+        assert np.diff([one.ratio_db for one in some]) == pytest.approx(40 * np.diff(np.log10(LEGS_M["quick"])), abs=1.5)
+        assert (np.diff([one.values["share"].mean() for one in some]) < 0).all()
+    assert find(table, metric=COUNT)["items"] == 2 * 4 * 4 * 2 * 2  # unscanned echoes, legs, averages, windows, scales
+    shown = [row for row in table.rows if row["metric"] == "profile correlation" and "unscanned echoes" in row["case"]]
+    assert len(shown) == 2 * operating_points.SHOWN  # without and with the room
 
 
-def test_the_paper_profile_compares_eight_legs_and_antennas_with_and_without_lobes(tmp_path) -> None:
+def test_averages_of_a_flashing_echo_are_those_of_its_levels() -> None:
+    power = np.array([[1.0], [1.0], [1e-4]])
+    found = {name: float(average(power)[0]) for name, average in AVERAGES.items()}
+    assert found == pytest.approx({"mean": 2.0001 / 3, "amplitude": (2.01 / 3) ** 2, "db": 10 ** (-4 / 3), "median": 1.0})
+
+
+def test_a_window_leaves_out_the_bins_far_from_the_target() -> None:
+    """The domains differ only at 4 m, so that their correlation is 1 within 1 m of the target, and smaller over all ranges."""
+    range_m = np.arange(0.05, 6.0, 0.05)
+    near, far = (np.exp(-0.5 * ((range_m - at) / 0.1) ** 2) + 1e-4 for at in (2.0, 4.0))
+    profiles = pd.DataFrame({"domain": ["measured", "twin", "void"], "key": list("abc"), "range_m": [range_m] * 3})
+    profiles["mean_power"] = [near + far, near, near]
+    points = {
+        window: operating_points._point(profiles, 0.1, Condition(True, 0.0), "mean", window, "amplitude").values["room"][0]
+        for window in operating_points.WINDOWS_M
+    }
+    assert points["1 m around the target"] == pytest.approx(1.0, abs=1e-3)
+    assert points["all ranges"] < 0.9
+
+
+def test_the_paper_profile_compares_legs_lobes_and_unscanned_echoes(tmp_path) -> None:
     paper = config("environment", "profile=paper")
     assert LEGS_M["paper"] == pytest.approx(np.arange(5, 13) / 100)
-    assert operating_points.compared_lobes(paper) == (True, False)
-    assert operating_points.without_lobes(paper).measured.gap.antenna == 0
-    fake = quiet(Marked(distances=(0.5, 1.0, 1.5, 2.0), frames=14), operating_points.wanted(paper))
-    points = operating_points.read(paper, {True: fake, False: fake})
-    assert len(points) == 8 * 2 * 2 * 2
+    chosen = operating_points.conditions(paper)
+    assert len(chosen) == 2 * 5
+    assert {one.of(paper).measured.gap.antenna for one in chosen if not one.lobes} == {0}
+    assert {one.of(paper).measured.gap.unscanned_echoes for one in chosen} == {0, 1, 2, 3, 5}
     store = Store(tmp_path)
     tasks = environment.recordings(paper, store, Progress(quiet=True)).values()
     bare = [task for task in tasks if task.config.measured.gap.antenna == 0]
-    assert len(bare) == 8 * operating_points.DRAWS  # simulations do not depend on the measuring antennas
+    assert len(bare) == 8 * operating_points.DRAWS["paper"]  # neither the simulations nor a condition of the receiver need a recording
     quick = environment.recordings(config("environment"), store, Progress(quiet=True)).values()
     planned = set(Campaign(config("environment"), store, Progress(quiet=True)).cases("measured"))
-    assert sum(task.domain == "measured" and task.case not in planned for task in quick) == 3 * operating_points.DRAWS
+    assert sum(task.domain == "measured" and task.case not in planned for task in quick) == 3 * operating_points.DRAWS["quick"]
 
 
 def point(share: float, void: float, room: float, leg_m: float = 0.05) -> Point:
     values = {"share": np.full(2, share), "void": np.full(2, void), "room": np.full(2, room)}
-    return Point(leg_m, True, "mean", "amplitude", -4.0, values, ["a" * 32, "b" * 32])
+    return Point(leg_m, Condition(True, 2.0), "mean", "all ranges", "amplitude", -4.0, values, ["a" * 32, "b" * 32])
 
 
 def test_a_point_is_accepted_if_all_three_figures_are_inside_their_limits() -> None:
@@ -139,7 +166,7 @@ def test_no_accepted_point_contradicts_the_claim(figures: tuple[float, float, fl
     check_rows("environment", rows)
     row = rows[-1]
     assert (row["metric"], row["verdict"]) == (COUNT, verdict)
-    assert row["case"].startswith(f"{text}: leg 5 cm, with lobes, mean of frames, amplitude")
+    assert row["case"].startswith(f"{text}: leg 5 cm, with lobes, unscanned echoes 2, mean of frames, all ranges, amplitude")
 
 
 def test_the_operating_point_is_a_second_column(monkeypatch) -> None:
@@ -155,14 +182,14 @@ def test_the_operating_point_is_a_second_column(monkeypatch) -> None:
 
 def test_recorded_measurements_have_no_operating_points() -> None:
     elsewhere = config("environment", "experiment.distances_m=[1.0]")
-    assert operating_points.compared_lobes(elsewhere) == ()
-    assert operating_points.compared_lobes(config("environment", "measured.gap.antenna=0", "profile=paper")) == (False,)
+    assert operating_points.conditions(elsewhere) == ()
+    assert {one.lobes for one in operating_points.conditions(config("environment", "measured.gap.antenna=0", "profile=paper"))} == {False}
     with pytest.raises(ConfigError, match="not read by experiment=environment"):
         environment.check(config("environment", "scene=atrium"))
 
 
 def test_reflectors_of_other_sizes_scale_with_their_leg() -> None:
-    known, usual = with_other_reflectors(), entry("corner_reflector")
+    known, usual = every_object(), entry("corner_reflector")
     for leg in OTHER_LEGS_M:
         one = known[f"corner_reflector_{100 * leg:g}cm"]
         assert np.array(one.size_m) == pytest.approx(np.array(usual.size_m) * leg / 0.1, abs=2e-4)

@@ -305,6 +305,11 @@ arrays | np.arange(len(clouds), dtype=np.float64) / frame_rate_hz | np.arange(le
 features/align: features/test_align
 overlap | max(0, -frames) | max(0, frames) | the offset has the wrong sign
 
+testbed/unscanned: testbed/test_unscanned
+added | np.sqrt(strength * np.mean(whole - inside) / energy) | strength * np.mean(whole - inside) / energy | energy is taken for amplitude
+added | whole - inside | whole | the target counts as room
+echoes | np.abs(distance - target_m) > CLEAR_M | distance > 0 | an echo lies in the target gate
+
 features/profile: features/test_profile
 multipath_share | 1 - np.sum(inside) / np.sum(total) | np.sum(inside) / np.sum(total) | the direct share is reported
 beyond_target_share | ~gate(range_m, target_m) | gate(range_m, target_m) | the gate counts as beyond the target

@@ -1,5 +1,7 @@
 """Objects: the canonical shapes, the twelve catalogue objects (classes, sizes, contents and meshes), and objects from mesh files."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 import trimesh
@@ -12,9 +14,12 @@ from radartwin.scene.checks import welded
 from radartwin.scene.layouts.stock import from_mesh
 from radartwin.scene.mesh_file import MeshWarning, read_meshes
 from radartwin.scene.objects import vessels
+from radartwin.scene.objects.assortment import assortment, every_object
 from radartwin.simulation import geometry
 
 NAMES = list(objects.catalogue())
+KNOWN = every_object()
+FLAT = [name for name, entry in KNOWN.items() if entry.shape == "faceted"]
 
 
 def test_classes_have_the_counts_of_the_study():
@@ -34,9 +39,19 @@ def test_classes_have_the_counts_of_the_study():
     assert twelve["corner_reflector"].shape == "faceted"
 
 
-@pytest.mark.parametrize("name", NAMES)
+def test_the_assortment_decides_what_twelve_objects_cannot():
+    some = [entry for kind in assortment().values() for entry in kind]
+    counts = Counter(entry.material_class for entry in some)
+    assert len(some) >= 48
+    assert min(counts.values()) >= 6
+    assert len({entry.description for entry in some}) == len(some)
+    assert not {entry.name for entry in some} & set(NAMES)
+    assert min(len(kind) for kind in assortment().values()) >= 2  # each object has another object of its kind
+
+
+@pytest.mark.parametrize("name", KNOWN)
 def test_objects_have_their_stated_size_and_stand_on_their_axis(name):
-    entry = objects.entry(name)
+    entry = KNOWN[name]
     surfaces = entry.surfaces()
     low = np.min([s.mesh.bounds[0] for s in surfaces], axis=0)
     high = np.max([s.mesh.bounds[1] for s in surfaces], axis=0)
@@ -51,9 +66,9 @@ def test_objects_have_their_stated_size_and_stand_on_their_axis(name):
     assert entry.source
 
 
-@pytest.mark.parametrize("name", [n for n in NAMES if n != "corner_reflector"])
+@pytest.mark.parametrize("name", [name for name in KNOWN if name not in FLAT])
 def test_objects_are_closed_outward_and_smooth(name):
-    for surface in objects.make(name):
+    for surface in KNOWN[name].surfaces():
         solid = welded(surface.mesh)
         assert solid.is_watertight
         assert solid.is_winding_consistent

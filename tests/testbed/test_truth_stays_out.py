@@ -24,7 +24,7 @@ TRUTHS = ("materials", "roughness", "contents", "clutter", "antenna", "hardware"
 CASE = Case("corner_reflector", "lab", "turntable", 1.0)
 
 
-@pytest.mark.parametrize("module", ["testbed", "variation", "motion_errors", "fixtures"])
+@pytest.mark.parametrize("module", ["testbed", "variation", "motion_errors", "fixtures", "unscanned"])
 def test_testbed_imports_no_scan_label_or_settings(module):
     forbidden = ("radartwin.label", "radartwin.reconstruct", "radartwin.config", "radartwin.builders")
     assert not [name for name in import_closure((f"radartwin.testbed.{module}",)) if name.startswith(forbidden)]

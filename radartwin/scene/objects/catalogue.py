@@ -117,7 +117,8 @@ class Entry:
         return tuple(out)
 
 
-def _can(outline_m: vessels.Outline, look: str) -> Callable[[str], tuple[Part, ...]]:
+def can(outline_m: vessels.Outline, look: str) -> Callable[[str], tuple[Part, ...]]:
+    """Return the function that builds a can."""
     return lambda contents: (Part(shapes.revolution(outline_m, vessels.AROUND), "metal", "metal", look),)  # sheet metal is opaque
 
 
@@ -126,7 +127,7 @@ def _food_can(size: str, height_m: float, water_oz: float, use: str, look: str, 
     return Entry(
         f"can_{size}", use, (CAN_M, CAN_M, height_m), 0.0002, "metal", None, "symmetric", "metal", "metal", OUNCE_ML * water_oz, text,
         f"{CMI}: {size.replace('_', ' x ')}, {water_oz} ounces of water; tinplate of 0.2 mm, seams 1.2 mm proud",
-        _can(outline_m, look), height_m / 2, rover, outline_m, radar,
+        can(outline_m, look), height_m / 2, rover, outline_m, radar,
     )  # fmt: skip
 
 
@@ -134,11 +135,11 @@ def _drink_can(name: str, label: str, height_m: float, volume_ml: float, look: s
     outline_m = vessels.drink_can(0.0661, height_m)
     return Entry(
         name, label, (0.0661, 0.0661, height_m), 0.0001, "metal", None, "symmetric", "metal", "metal", volume_ml, text, source,
-        _can(outline_m, look), height_m / 2, outline_m=outline_m, radar_description=radar,
+        can(outline_m, look), height_m / 2, outline_m=outline_m, radar_description=radar,
     )  # fmt: skip
 
 
-def _bottle(
+def bottle(
     sections_m: tuple[tuple[float, float, float, float], ...],
     plastic: str,
     wall_m: float,
@@ -175,10 +176,18 @@ def reflector(leg_m: float, name: str) -> Entry:
     )  # fmt: skip
 
 
-def _mug(contents: str) -> tuple[Part, ...]:
-    cup = Part(vessels.mug(MUG_M[0], MUG_M[1]), Layered([("glass", MUG_WALL_M)], backing=contents), "ceramic", "ceramic")
-    bow = vessels.handle(MUG_M[0] / 2, 0.022, 0.076, MUG_M[2] - 0.0045 - 0.001)
-    return cup, Part(bow, Layered([], backing="glass"), "ceramic", "ceramic")
+def mug(diameter_m: float, height_m: float, reach_m: float) -> Callable[[str], tuple[Part, ...]]:
+    """Return the function that builds a mug with a handle; a `reach_m` of 0 builds a canister without one."""
+
+    def build(contents: str) -> tuple[Part, ...]:
+        cup = Part(vessels.mug(diameter_m, height_m), Layered([("glass", MUG_WALL_M)], backing=contents), "ceramic", "ceramic")
+        if not reach_m:
+            return (cup,)
+        low, high = (share / 0.095 * height_m for share in (0.022, 0.076))
+        bow = vessels.handle(diameter_m / 2, low, high, reach_m - 0.0045 - 0.001)
+        return cup, Part(bow, Layered([], backing="glass"), "ceramic", "ceramic")
+
+    return build
 
 
 REFLECTOR_LEG_M = 0.1
@@ -234,35 +243,35 @@ ENTRIES: tuple[Entry, ...] = (
         "mug", "ceramic mug", (0.116, 0.082, 0.095), MUG_WALL_M, "glass", None, "symmetric", "ceramic", "ceramic", 330,
         "a white glazed ceramic coffee mug, a round cylinder with a handle on one side, 95 mm tall",
         "order of magnitude, no data sheet: the ordinary 11 ounce mug, 82 x 95 mm walls of 4 mm; porcelain takes the closest row, glass",
-        _mug, 0.0475,
+        mug(*MUG_M), 0.0475,
         radar_description="a moderate echo of a hollow ceramic cylinder, a second peak from its rear wall, and a handle seen once per turn",
     ),
     Entry(
         "olive_oil", "olive oil bottle", (0.0566, 0.0566, 0.246), 0.0005, "pet", "oil", "asymmetric", "plastic", "plastic", 500,
         "a tall plastic bottle of olive oil with a square section, four flat sides and a thin neck, filled with oil",
         f"half a litre of the square Marasca kind in PET; {VOLUME}",
-        _bottle(OLIVE_OIL, "pet", 0.0005, "green_plastic", (0.0155, 0.020), "plastic"), 0.123,
+        bottle(OLIVE_OIL, "pet", 0.0005, "green_plastic", (0.0155, 0.020), "plastic"), 0.123,
         radar_description="four equal narrow flashes each turn from flat sides at right angles, weak because waves enter plastic and oil",
     ),
     Entry(
         "mouthwash", "mouthwash bottle", (0.081, 0.051, 0.195), 0.0005, "pet", "mouthwash", "asymmetric", "plastic", "plastic", 500,
         "a flat plastic bottle of mouthwash with broad flat front and back panels and a slight waist, filled with a watery liquid",
         f"half a litre in PET; {VOLUME}",
-        _bottle(MOUTHWASH, "pet", 0.0005, "cyan_plastic", (0.0185, 0.022), "plastic"), 0.0975,
+        bottle(MOUTHWASH, "pet", 0.0005, "cyan_plastic", (0.0185, 0.022), "plastic"), 0.0975,
         radar_description="two bright narrow flashes each turn from wide opposite panels, two smaller ones from the sides of a watery box",
     ),
     Entry(
         "mustard", "mustard bottle", (0.096, 0.0574, 0.192), 0.0008, "hdpe", "mustard", "asymmetric", "plastic", "plastic", 540,
         "a yellow plastic squeeze bottle of mustard with an oval section, a waist and a pointed cap, filled with mustard",
         "sections of the scanned YCB model 006_mustard_bottle (20 ounces, 567 g), .096 x .058 x .192 m; HDPE squeeze bottles have 0.8 mm",
-        _bottle(MUSTARD, "hdpe", 0.0008, "yellow_plastic", (0.0170, 0.040), "yellow_plastic"), 0.096,
+        bottle(MUSTARD, "hdpe", 0.0008, "yellow_plastic", (0.0170, 0.040), "yellow_plastic"), 0.096,
         radar_description="two broad swells each turn from the rounded wide sides of an oval wet body whose waist scatters elsewhere",
     ),
     Entry(
         "dressing", "salad dressing bottle", (0.080, 0.0514, 0.211), 0.0005, "pet", "dressing", "asymmetric", "plastic", "plastic", 473,
         "a plastic bottle of salad dressing with an oval section, broad shoulders and a round neck, filled with dressing",
         f"16 fluid ounces in PET; {VOLUME}",
-        _bottle(DRESSING, "pet", 0.0005, "cream_plastic", (0.0195, 0.022), "white_plastic"), 0.1055,
+        bottle(DRESSING, "pet", 0.0005, "cream_plastic", (0.0195, 0.022), "white_plastic"), 0.1055,
         radar_description="the level rises and falls gently twice per revolution, from a tall elliptical emulsion with sloping shoulders",
     ),
 )  # fmt: skip
@@ -275,15 +284,6 @@ def catalogue() -> dict[str, Entry]:
     (7, 12)
     """
     return {entry.name: entry for entry in ENTRIES}
-
-
-def with_other_reflectors() -> dict[str, Entry]:
-    """Return the catalogue objects and the corner reflectors with legs of OTHER_LEGS_M as a dictionary by name.
-
-    >>> with_other_reflectors()["corner_reflector_5cm"].aim_m < entry("corner_reflector").aim_m
-    True
-    """
-    return catalogue() | {f"corner_reflector_{100 * leg:g}cm": reflector(leg, f"corner_reflector_{100 * leg:g}cm") for leg in OTHER_LEGS_M}
 
 
 def entry(name: str) -> Entry:

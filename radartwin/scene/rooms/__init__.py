@@ -39,8 +39,8 @@ def empty() -> Scene:
     return Scene([], {"room": "empty"})
 
 
-def void() -> Scene:
-    """Return a scene without a room, for an object on a stand in otherwise free space."""
+def void(detail: str = "bare") -> Scene:
+    """Return a scene without a room at any detail, for an object on a stand in otherwise free space."""
     return Scene([], {"room": "void"})
 
 

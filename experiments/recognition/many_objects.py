@@ -1,0 +1,229 @@
+"""Many objects: what does training on simulation gain, if there are enough objects to decide it?
+
+The objects of the assortment (radartwin.scene.objects.assortment) turn on a turntable without a room, because a room does not change the
+features of a turntable. Each method classifies every measured revolution by the nearest centroid of its class: the raw features, and the
+embeddings of encoders trained on simulation alone. Without labels, the centroids are those of the simulated copies. With k labels, they are
+those of k measured revolutions, and only recordings of other distances are classified. A wrong model is the model of another object of the
+same kind, for example of another mug. The primary endpoint is the mean gain over 1, 2 and 4 labels. All trainings use the measured noise of
+the first draw, so that all draws share them.
+
+The objects are a sample of everyday objects, so tests exchange the methods, or the classes, of whole objects.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from experiments import draws, statistics
+from experiments.campaign.campaign import Call, Campaign
+from experiments.campaign.cases import MEASURED
+from experiments.campaign.frame import Frame, by_revolution, features
+from experiments.campaign.schedule import RecordingTask
+from experiments.cells import Cell, Estimator, keys, mean, per, table_rows
+from experiments.claims import NONE, Claim
+from experiments.recognition import labelled_probe
+from experiments.recognition.encoder_comparison import LABEL_STEP
+from experiments.recognition.figures import label_curve
+from experiments.recognition.labelled_probe import PRETRAINED, RAW, RIVAL, gather_data, rf_genesis
+from experiments.recognition.protocol import (
+    GEOMETRY,
+    LEAST_GAIN,
+    MATERIAL,
+    SAME_MODELS,
+    at_chance,
+    encoders,
+    permuted_accuracy,
+    scaled,
+    seeds,
+)  # fmt: skip
+from experiments.recognition.readings import MOTION
+from experiments.recognition.transfer import ranked
+from experiments.statistics import SHARE, SIGNED, Estimate
+from radartwin.config.config import Config
+from radartwin.config.materials import VoidMaterials
+from radartwin.errors import ConfigError
+from radartwin.io.progress import Progress
+from radartwin.recognize.encoder import Encoder
+from radartwin.recognize.probes import nearest_centroid, transferred_probe
+from radartwin.recognize.samples import Samples
+from radartwin.recognize.score import majority_share
+from radartwin.recognize.split import draw_shots, label_free
+from radartwin.runs.experiment import Result, Table
+from radartwin.scene.objects.assortment import assortment
+from radartwin.store.products import Store
+
+TABLE = Table(
+    name="many_objects",
+    title="Many objects",
+    caption="Objects of the assortment on a turntable without a room. Measured revolutions are classified by the nearest class centroid "
+    "of k labelled measured revolutions, and without labels by that of simulated revolutions, in the space of the raw features and of "
+    "encoders trained on simulation alone. RF-Genesis is the corrected re-implementation. 'Model of another object' trains on the model "
+    "of another object of the same kind. Saved labels are the labels that raw features need in addition for the same accuracy, at most 4 "
+    "in all. n counts measured recordings. Tests exchange the methods or classes of whole objects, pooled over draws.",
+)
+
+OTHER = "model of another object of its kind"
+SHOTS = (0, 1, 2, 4)
+PAIRS = {  # (method, method that it is compared with): claim about the mean gain over 1, 2 and 4 labels
+    (PRETRAINED, RAW): Claim("training on simulation beats the raw features", "+5.6 points", bound=LEAST_GAIN, null=0.0),
+    (PRETRAINED, RIVAL): Claim("training on our simulation is more accurate than on RF-Genesis", "+5.2 points", bound=LEAST_GAIN, null=0.0),
+    (OTHER, RAW): Claim("training on the model of another object beats the raw features", bound=LEAST_GAIN, null=0.0),
+    (PRETRAINED, OTHER): NONE,
+}
+ATTRIBUTES = {"geometry": (GEOMETRY, "0.72"), "material": (MATERIAL, "0.72")}
+Copies = Mapping[str, Samples]  # scaled features of simulated copies by method
+
+
+def run(config: Config, store: Store, progress: Progress) -> Result:
+    own = of_assortment(config)
+    first = Campaign(own, store, progress, draws.numbers(own)[0])
+    data = gather_data(own, first, store, progress, {RIVAL: Campaign(rf_genesis(own), store, progress)})
+    result = score(own, draws.frame(own, store, progress, (MOTION,)), data.copies)
+    return replace(result, keys=sorted({*result.keys, *(key for some in data.keys.values() for key in some)}))
+
+
+def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
+    return labelled_probe.recordings(of_assortment(config), store, progress)
+
+
+def calls(config: Config) -> list[Call]:
+    return labelled_probe.calls(of_assortment(config))
+
+
+def of_assortment(config: Config) -> Config:
+    """Return the configuration in which the objects of the assortment turn without room, equipment or person. Raises ConfigError for real
+    recordings, which do not have these objects.
+    """
+    if config.measured.provider != "testbed":
+        raise ConfigError("many_objects has its own set of objects, which a recording set lacks; use measured=testbed")
+    profile = config.profile
+    objects = [entry.name for kind in assortment().values() for entry in kind[: profile.objects_campaign.per_kind]]
+    gap = replace(config.measured.gap, person=0.0, clutter=0.0)
+    campaign = replace(profile.objects_campaign, turntable_objects=objects)
+    profile = replace(profile, campaign=campaign, unknown_contents=False, layout_turns=0)
+    return replace(config, materials=VoidMaterials(), measured=replace(config.measured, gap=gap), profile=profile)
+
+
+def score(config: Config, frame: Frame, copies: Copies) -> Result:
+    """Build the table from the frame of readings and the copies by the methods PRETRAINED and RIVAL."""
+    measured = by_revolution(frame[frame.domain == MEASURED])
+    copies = {**copies, OTHER: copies[PRETRAINED].relabelled(another_of_its_kind(copies[PRETRAINED].classes))}
+    some = samples(measured[measured.draw == measured.draw.iloc[0]])
+    trained = {method: encoders(config, label_free(rows, some)) for method, rows in copies.items()}
+    on_ranks = encoders(config, label_free(ranked(copies[PRETRAINED]), ranked(some)))
+    answers = pd.concat([_answered(config, rows, copies, trained, on_ranks) for _, rows in measured.groupby("draw")], ignore_index=True)
+    rows = table_rows(config, answers, partial(cells, config))
+    accuracies = [row for row in rows if row["metric"] == "accuracy" and row.get("labels per class") in SHOTS]
+    curve = {
+        method: [row | {"shots": row["labels per class"]} for row in accuracies if row["method"] == method] for method in (RAW, *trained)
+    }
+    metrics = {f"gain_over_{second}": _value(rows, f"{first} - {second}") for first, second in PAIRS if first == PRETRAINED}
+    return Result(TABLE.name, rows, {TABLE.name: lambda: label_curve(curve, 1 / len(some.classes))}, metrics, keys(frame))
+
+
+def _value(rows: Sequence[Mapping[str, Any]], method: str) -> float:
+    return next(row["value"] for row in rows if row.get("method") == method and row["labels per class"] == "1, 2 and 4")
+
+
+def another_of_its_kind(objects: Sequence[str]) -> dict[str, str]:
+    """Return for each object the next of these objects of its kind; the last has the first."""
+    kinds = [[entry.name for entry in kind if entry.name in objects] for kind in assortment().values()]
+    return {name: kind[(place + 1) % len(kind)] for kind in kinds for place, name in enumerate(kind)}
+
+
+def samples(revolutions: Frame) -> Samples:
+    """Return the rows of measured revolutions as samples with the object as label."""
+    names, source, name = features(revolutions), revolutions.key.to_numpy(str), revolutions.object.to_numpy(str)
+    turn = revolutions.groupby("key").cumcount().to_numpy()
+    recording = np.array([f"{key} turn {number:02d}" for key, number in zip(source, turn, strict=True)])
+    stratum, domain = np.array([f"{distance:g} m" for distance in revolutions.distance_m]), np.full(len(source), MEASURED)
+    return Samples(tuple(names), revolutions[names].to_numpy(float), recording, stratum, domain, source, name, name)
+
+
+def _answered(
+    config: Config, revolutions: Frame, copies: Copies, trained: Mapping[str, Sequence[Encoder]], on_ranks: Sequence[Encoder]
+) -> Frame:
+    """Return the revolutions of one draw with a column for each method and number of labels, and a column for each attribute.
+
+    The columns of the methods hold the share of the trainings that recognise the object, or NaN for a revolution that is not classified.
+    The columns of the attributes hold the class that each training predicts, as in the table turntable_label_free.
+    """
+    plain = samples(revolutions)
+    truth, draw, columns = scaled(plain), int(revolutions.draw.iloc[0]), {}
+    spaces = {RAW: [(copies[PRETRAINED], truth)]}
+    spaces |= {method: [(one.embedded(copies[method]), one.embedded(truth)) for one in some] for method, some in trained.items()}
+    for method, some in spaces.items():
+        for shots in SHOTS:
+            hits = np.full((len(seeds(config)), len(truth)), np.nan)
+            for number, seed in enumerate(seeds(config)):
+                simulated, rows = some[min(number, len(some) - 1)]
+                if not shots:
+                    hits[number] = nearest_centroid(simulated, rows) == truth.label
+                    continue
+                known, rest = (np.isin(truth.recording, one.recording) for one in draw_shots(truth, shots, seed + LABEL_STEP * draw))
+                hits[number, rest] = nearest_centroid(rows.take(known), rows.take(rest)) == truth.label[rest]
+            scored = ~np.isnan(hits).all(axis=0)
+            columns[f"{method}, {shots}"] = np.where(scored, np.nansum(hits, axis=0) / np.maximum((~np.isnan(hits)).sum(axis=0), 1), np.nan)
+    for attribute, (classes, _) in ATTRIBUTES.items():
+        pairs = [[one.embedded(ranked(rows).relabelled(classes)) for rows in (copies[PRETRAINED], plain)] for one in on_ranks]
+        columns[attribute] = list(np.stack([transferred_probe(label_free(*pair)) for pair in pairs], axis=1))
+    return revolutions.assign(**columns)
+
+
+def cells(config: Config, frame: Frame) -> Iterator[Cell]:
+    """Declare the accuracy of each method, its gains and the saved labels, and the accuracy of the attributes without labels."""
+    chance = 1 / frame.object.nunique()
+    stays = at_chance("identity stays at chance", "does not transfer", chance)
+    identity = {PRETRAINED: replace(stays, untestable=SAME_MODELS), OTHER: stays}
+    for shots in SHOTS:
+        at = {"labels per class": shots, "chance": chance}
+        for method in (RAW, PRETRAINED, RIVAL, OTHER):
+            claim = identity.get(method, NONE) if not shots else NONE
+            yield Cell({**at, "method": method}, "accuracy", frame, mean(per(f"{method}, {shots}"), SHARE), claim)
+    for (first, second), claim in PAIRS.items():
+        for label, some in (*((shots, (shots,)) for shots in SHOTS), ("1, 2 and 4", SHOTS[1:])):
+            case = {"labels per class": label, "method": f"{first} - {second}"}
+            yield Cell(case, "gain in accuracy", frame, _gain(first, second, some), claim if len(some) > 1 else NONE)
+    for shots in SHOTS[:2]:
+        yield Cell({"labels per class": shots, "method": PRETRAINED}, "saved labels per class", frame, _saved(shots))
+    measured = samples(frame[[column for column in frame if not str(column).startswith((RAW, PRETRAINED, RIVAL, OTHER))]])
+    for attribute, (classes, paper) in ATTRIBUTES.items():
+        truth = measured.relabelled(classes)
+        estimate = permuted_accuracy(list(np.stack(list(frame[attribute])).T), truth, config.seed)
+        majority = majority_share(truth)
+        claim = Claim(f"{attribute} transfers: above the majority", paper, bound=majority, null=float(np.mean(estimate.shuffled)))  # type: ignore[arg-type]
+        yield Cell(
+            {"labels per class": 0, "attribute": attribute, "method": PRETRAINED, "chance": majority}, "accuracy", frame, estimate, claim
+        )
+
+
+def _gain(first: str, second: str, shots: Sequence[int]) -> Estimator:
+    """Estimate the accuracy of a method less that of another, averaged over numbers of labels, with the test that swaps the methods."""
+
+    def gains(rows: Frame) -> NDArray[np.float64]:
+        of_first, of_second = (per([f"{method}, {k}" for k in shots])(rows).to_numpy().mean(axis=1) for method in (first, second))
+        return of_first - of_second
+
+    return lambda rows, resamples, seed: statistics.sign_flipped(gains(rows), seed, SIGNED)
+
+
+def _saved(shots: int) -> Estimator:
+    """Estimate how many labels more the raw features need for the accuracy of the trained encoder with `shots` labels."""
+    limits = (float(-shots), float(SHOTS[-1] - shots))
+
+    def saved(accuracies: NDArray) -> float:
+        return float(np.interp(accuracies[0], np.maximum.accumulate(accuracies[1:]), SHOTS)) - shots
+
+    def estimate(rows: Frame, resamples: int, seed: int) -> Estimate:
+        values = per([f"{PRETRAINED}, {shots}", *(f"{RAW}, {k}" for k in SHOTS)])(rows).to_numpy()
+        chosen = np.random.default_rng(seed).integers(len(values), size=(resamples, len(values)))
+        return statistics.resampled(saved(values.mean(axis=0)), [saved(values[some].mean(axis=0)) for some in chosen], len(values), limits)
+
+    return estimate
