@@ -80,7 +80,7 @@ def carried(mesh, reflectance, bounces):
             reception = scatter.Reception(-lanes.direction, dr.full(type(lanes.weight), 1.0), -lanes.direction, False)
             scatter.scatter(device, lanes, contact, reception, 1600.0, active)
             active = contacts.bounce(device, lanes, contact, active)
-            lanes.evaluate(active)
+            dr.eval(lanes, active)
             lanes = lanes.compacted(dr.compress(active))
             active = dr.full(type(active), True, dr.width(lanes.index))
     return power
