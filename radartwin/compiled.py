@@ -172,6 +172,23 @@ def each(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
     return list(_mapped(function, waiting))
 
 
+def gathered(function: Callable[[int, int, int], Sequence[np.ndarray] | None], count: int, room: int) -> list[np.ndarray]:
+    """Return the arrays that function(first, last, room) returns for all parts of the range 0..count, joined in the order of the parts.
+
+    The function has memory for `room` rows. If that is too short, it returns None and is called again with four times as much.
+    """
+    found: list[tuple[int, Sequence[np.ndarray]]] = []
+
+    def run(first: int, last: int) -> None:
+        rows = room
+        while (arrays := function(first, last, rows)) is None:
+            rows *= 4
+        found.append((first, arrays))
+
+    shared_out(run, count)
+    return [np.concatenate(column) for column in zip(*(arrays for _, arrays in sorted(found, key=lambda part: part[0])), strict=True)]
+
+
 class _Threads(threading.local):
     """Tell whether the current thread belongs to the pool of this process."""
 

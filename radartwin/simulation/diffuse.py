@@ -127,8 +127,7 @@ def cloud(surfaces: Sequence[Surface], geometry: Geometry, count: int | None = N
             surfaces.
     """
     wavenumber = 2 * np.pi * _SAMPLING_HZ / SPEED_OF_LIGHT
-    sides = geometry.corners[:, 1:] - geometry.corners[:, :1]
-    twice = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    twice = np.linalg.norm(geometry.area_vectors, axis=1)
     areas = np.bincount(geometry.surface, twice / 2, minlength=len(surfaces))
     bent = np.bincount(geometry.surface, np.ptp(geometry.normals, axis=1).max(axis=1, initial=0.0), minlength=len(surfaces)) > 1e-6
     wanted = np.zeros(len(surfaces))
@@ -325,7 +324,7 @@ def _block(
         examined[rows] = True
         sensor, direction = poses[pose[rows], :3], np.einsum("nij,nj->ni", poses[pose[rows], :3, :3], towards[rows])
         start = scatterers.points[point[rows]] + (geometry.lift_m * above[rows])[:, None] * scatterers.normals[point[rows]]
-        free = visibility.visible(geometry, start.T, -direction.T, distance[rows])
+        free = visibility.visible(geometry, start, -direction, distance[rows])
         passed[rows[free]] = 1
         if tree is not None:
             axis, way, rows = sensor[~free, :, 2], direction[~free], rows[~free]

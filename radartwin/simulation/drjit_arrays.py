@@ -6,6 +6,7 @@ Numbers that change from call to call become opaque Dr.Jit variables, because Dr
 from typing import Any
 
 import drjit as dr
+import mitsuba as mi
 import numpy as np
 
 _ALIGNMENT = 64  # memory alignment in bytes, the width of the widest vector register of any CPU
@@ -27,3 +28,8 @@ def upload(kind: Any, values: np.ndarray) -> Any:
     aligned = buffer[start : start + flat.size * itemsize].view(_DTYPES[kind.__name__])
     aligned[:] = flat
     return kind(aligned)
+
+
+def vectors(values: np.ndarray) -> Any:
+    """Copy F vectors `values` (F, 3) to the device, in single precision."""
+    return mi.Vector3f(*(upload(mi.Float, values[:, i]) for i in range(3)))

@@ -92,6 +92,16 @@ class Geometry:
         points = self.corners.reshape(-1, 3)
         return (points.min(0) + points.max(0)) / 2
 
+    @functools.cached_property
+    def radius_m(self) -> float:
+        """Return the radius in metres of the ball around the centre that contains the geometry."""
+        return float(np.linalg.norm(self.corners.reshape(-1, 3) - self.centre, axis=1).max(initial=0.0))
+
+    @functools.cached_property
+    def area_vectors(self) -> np.ndarray:
+        """Return vectors (F, 3) along the normals of the faces, as long as twice their areas in square metres."""
+        return np.cross(self.corners[:, 1] - self.corners[:, 0], self.corners[:, 2] - self.corners[:, 0])
+
     def hull_points(self) -> np.ndarray:
         """Return V points (V, 3) of the geometry, whose bounding box contains the whole geometry from every viewing direction."""
         return self._hull
@@ -106,12 +116,9 @@ class Geometry:
         except QhullError:  # a flat geometry has no convex hull with a volume
             return points[:: len(points) // 4000] if len(points) > 40_000 else points
 
-    def scene(self) -> Any:
-        """Return the Mitsuba scene of the triangles. The first call builds the scene."""
-        return self._scene
-
     @functools.cached_property
-    def _scene(self) -> Any:
+    def scene(self) -> Any:
+        """Return the Mitsuba scene of the triangles."""
         import mitsuba as mi
 
         count = len(self.corners)

@@ -12,7 +12,7 @@ from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation import reflection_table, variant
 from radartwin.simulation.checks import check_option, check_positive, check_whole
 from radartwin.simulation.curved import tube_grid, tubes
-from radartwin.simulation.curved.hits import Antennas, TraceOptions
+from radartwin.simulation.hits import Antennas, TraceOptions
 
 MAX_TUBES = 200_000_000  # largest number of ray tubes per call of `rcs`; tracing this number of tubes takes some minutes
 

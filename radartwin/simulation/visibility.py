@@ -31,8 +31,8 @@ def visible(geometry: Geometry, start: np.ndarray, direction: np.ndarray, distan
 
     Args:
         geometry: blocking surfaces.
-        start: (3, N) start points of the lines in metres.
-        direction: (3, N) unit directions of the lines.
+        start: (N, 3) start points of the lines in metres.
+        direction: (N, 3) unit directions of the lines.
         distance: (N,) length of the lines in metres.
     """
     import mitsuba as mi
@@ -40,12 +40,11 @@ def visible(geometry: Geometry, start: np.ndarray, direction: np.ndarray, distan
     if not len(distance) or not len(geometry.corners):
         return np.ones(len(distance), bool)
 
-    def lanes(values: np.ndarray) -> Any:
-        return mi.Float(np.ascontiguousarray(values, np.float32))
+    from radartwin.simulation.drjit_arrays import upload, vectors
 
-    ray: Any = mi.Ray3f(mi.Point3f(*(lanes(axis) for axis in start)), mi.Vector3f(*(lanes(axis) for axis in direction)))
-    ray.maxt = lanes(distance * (1 - SHORT))
-    return ~geometry.scene().ray_test(ray).numpy()
+    ray: Any = mi.Ray3f(vectors(start), vectors(direction))
+    ray.maxt = upload(mi.Float, distance * (1 - SHORT))
+    return ~geometry.scene.ray_test(ray).numpy()
 
 
 def hidden(paths: Paths, sensor: np.ndarray, obstacles: Sequence[Occluder]) -> np.ndarray:
@@ -102,10 +101,8 @@ def _blocked(
         place = np.einsum("fij,fj->fi", np.broadcast_to(obstacle.rotation, turn.shape), sensor[:, :3, 3]) + obstacle.translation
         along = np.einsum("nij,nj->ni", turn[frame], direction)
         # Only lines through the sphere around the obstacle need a ray.
-        corners = obstacle.geometry.corners.reshape(-1, 3)
-        radius = np.linalg.norm(corners - obstacle.geometry.centre, axis=1).max(initial=0.0)
         across = obstacle.geometry.centre - place[frame]
         nearest = np.clip(np.einsum("ni,ni->n", across, along), 0, distance)
-        near = np.flatnonzero(np.linalg.norm(across - nearest[:, None] * along, axis=1) <= radius)
-        out[near] |= ~visible(obstacle.geometry, place[frame[near]].T, along[near].T, distance[near])
+        near = np.flatnonzero(np.linalg.norm(across - nearest[:, None] * along, axis=1) <= obstacle.geometry.radius_m)
+        out[near] |= ~visible(obstacle.geometry, place[frame[near]], along[near], distance[near])
     return out

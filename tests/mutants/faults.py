@@ -56,26 +56,22 @@ divided | ~(1 << bit) | ~(8 >> bit) | a tube ends on the wrong sides of its cent
 _narrow_tubes | (place > 0) * 1 | (place >= 0) * 1 | narrow tubes reach beyond their square
 
 simulation/curved/rims: physics/test_rims
-_face | (_triple(x, n, away) - cosine) * cot | 0 * cot | fringe currents have the form in the plane perpendicular to the edge
+_face | (dot(z, away) - cosine) * cot | 0 * cot | fringe currents have the form in the plane perpendicular to the edge
 _face | mu * cot * b | 0 * b | oblique waves have no fringe currents along the edge
 _face | 1 / opening - (1.0 if lit else 0.0) | 1 / opening | physical optics ends at the edge without charges
 _strengths | 2 * math.pi * (1.0 if plane else there * back) | 4 * math.pi * (1.0 if plane else there * back) | fringe currents are halved
-_inside | sign * _dot(rims.normal[m, 1], ray) < 0 | True | a rim is hidden although the radar sees one of its faces
+_inside | sign * dot(rims.normal[m, 1], ray) < 0 | True | a rim is hidden although the radar sees one of its faces
 
 simulation/curved/contact: physics/test_rcs physics/test_tubes
 bounce | 2 * contact.cosine | contact.cosine | a curved mirror has half its power
 count_caustics | mi.UInt32(1) | mi.UInt32(3) | a caustic has the wrong phase
-
-simulation/curved/tube_grid: physics/test_coverage
-covered | (u / depth, v / depth) | (u, v) | corners are not projected onto the grid
-_mark | int(np.ceil(u[n].max())) + MARGIN + 1 | int(np.ceil(u[n].max())) - MARGIN | cells end before their facet
 
 simulation/curved/shell: physics/test_shells
 find_shells | 1j * wavenumber | -1j * wavenumber | a wall's thickness shifts the phase the wrong way
 find_shells | layered(material).layers[::-1] | () | a wall has no layers from inside
 
 simulation/curved/transit: physics/test_shells
-Walls.enter | near.outside | ~near.outside | tubes enter a shell from its inside only
+Sheets.enter | near.outside | ~near.outside | tubes enter a shell from its inside only
 
 simulation/curved/jones: physics/test_rcs physics/test_shells
 _meet | b[i] * turn_cos - a[i] * turn_sin | b[i] * turn_cos + a[i] * turn_sin | a field turns the wrong way
@@ -91,7 +87,7 @@ delayed | 2j * np.pi * at_hz | 0j * at_hz | the delay of a pane turns the phase 
 
 simulation/flat/field: physics/test_crossing
 edge_terms | shadow * jump[0] | shadow | the edge of a pane casts the shadow of an opaque sheet
-travelled | max(crossed(tree, at, to, opaque, found), 0) | 0 | panes do not weaken the paths of rooms
+travelled | max(crossed(walls.tree, at, to, walls.opaque, found), 0) | 0 | panes do not weaken the paths of rooms
 
 simulation/diffuse: physics/test_diffuse
 _returns | 4 * np.pi * away | 8 * np.pi * away | scattered power is 6 dB low
@@ -103,7 +99,7 @@ _returns | narrow * (low + part * (high - low)) | low + part * (high - low) | a 
 mover_paths | ~visibility.hidden(found, sensor, obstacles) | slice(None) | other bodies do not hide scatterers of a body
 
 simulation/visibility: physics/test_diffuse
-visible | ~geometry.scene().ray_test(ray).numpy() | np.ones(len(distance), bool) | walls do not hide scatterers
+visible | ~geometry.scene.ray_test(ray).numpy() | np.ones(len(distance), bool) | walls do not hide scatterers
 negated | -chosen.amplitude | chosen.amplitude | a hidden scatterer echoes twice
 _blocked | obstacle.rotation @ sensor[:, :3, :3] | sensor[:, :3, :3] | obstacles do not turn
 
@@ -115,13 +111,13 @@ scattered_lobe | np.exp(_collected(roughness_m, correlation_m, wavenumber)(np.ar
 
 simulation/flat/room: physics/test_flat_rooms
 FlatRoom._some | departs + arrives | departs | only the departure has a Doppler shift
-FlatRoom._some | amplitude[row].conj() | amplitude[row] | the phase of reflections has the wrong sign
+FlatRoom._some | amplitude.conj() | amplitude | the phase of reflections has the wrong sign
 
 simulation/flat/search: physics/test_flat_rooms
 _joined | chain[b, n - 1 - j] | chain[b, j] | faces after an edge come in the order from the receiver
 
 simulation/flat/search: simulation/test_cells
-_planes | min(radius / max(away, 1e-30), 1.0) | 0.0 | the beams of a cell are those of its centre
+beam_planes | min(radius / max(away, 1e-30), 1.0) | 0.0 | the beams of a cell are those of its centre
 
 simulation/flat/field: simulation/test_cells
 reflect_points | margin > 0 | False | a path must exist at the test place itself
@@ -163,12 +159,12 @@ simulation/flat/shadows: physics/test_shadows
 past_faces | side * value | -side * value | edge waves have the wrong sign
 
 simulation/flat/search: physics/test_polygons
-_planes | length < EQUAL_M | length < 0 | two equal corners bound a beam
+beam_planes | length < EQUAL_M | length < 0 | two equal corners bound a beam
 
 simulation/flat/polygons: physics/test_polygons
 _edge_of | a[:], b[:] = first, second | a[:], b[:] = a, b | edges of earlier faces diffract on the last face
 _fringes | beams.order[b] + others.order[c] >= beams.chain.shape[1] | beams.order[b] + others.order[c] > 0 | no edge in mirrors
-_arriving | reflected(faces, te, tm, out, way, chain) | 0 | antennas keep their polarisation in mirrors
+_arriving | reflected(body.shape.faces, body.tables, out, way, chain) | 0 | antennas keep their polarisation in mirrors
 
 simulation/flat/polygons: physics/test_objects_before_walls
 _polygon | 1 - edge_share(a, along, apex, receiver, wavenumber, ends.reach) | 1.0 | the currents that form the shadow count twice

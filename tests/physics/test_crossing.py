@@ -13,8 +13,8 @@ from radartwin.scene.trajectories.trajectory import pose
 from radartwin.simulation import diffuse, geometry, reflection_table, variant
 from radartwin.simulation.backends.static_scene import StaticScene
 from radartwin.simulation.curved import tube_grid, tubes
-from radartwin.simulation.curved.hits import Antennas, TraceOptions
 from radartwin.simulation.flat import crossing, obstacles
+from radartwin.simulation.hits import Antennas, TraceOptions
 
 LOW_HZ, HIGH_HZ = 77e9, 80.44e9
 
@@ -163,7 +163,7 @@ def room_paths(surfaces, poses=None, bounces=1, prune=1e-4):
     table = reflection_table.build([(material, 0.0) for _, material in surfaces], LOW_HZ, HIGH_HZ)
     things = [rt.Surface(mesh, material, f"thing {i}", role="room") for i, (mesh, material) in enumerate(surfaces)]
     static = StaticScene(things, geometry.build([mesh for mesh, _ in surfaces]), table)
-    return static.room.paths(poses, np.zeros((len(poses), 3)), radar, bounces, prune)
+    return static.room.paths(poses, np.zeros((len(poses), 3)), radar, prune, static.room.searched(poses, radar, bounces, prune))
 
 
 def swept(parts, low_m, high_m, f):

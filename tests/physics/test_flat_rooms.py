@@ -690,7 +690,7 @@ def fresnel_of(cosine, permittivity=3.0):
 
 @compiled
 def doubled(wedge, te, tm, phi, phi0, sine, cosine):
-    return field.doubled_matrix(wedge, te, tm, 0, 0, phi, phi0, sine, cosine)
+    return field.doubled_matrix(wedge, field.Tables(te, tm, te, tm), 0, 0, phi, phi0, sine, cosine)
 
 
 @pytest.mark.parametrize(("opening", "source", "first"), [(0.6, 0.15, 0), (0.6, 0.45, 1), (0.42, 0.3, 0), (0.48, 0.3, 1), (0.8, 0.1, 0)])

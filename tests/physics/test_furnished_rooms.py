@@ -111,7 +111,7 @@ def test_interpolated_channels_agree_with_exact_ones(monkeypatch):
     searched = flat.searched(poses, radar, 4, PRUNE)
 
     def signal():
-        return received(flat.paths(poses, np.zeros((1, 3)), radar, 4, PRUNE, searched), radar, 1)[0, 0]
+        return received(flat.paths(poses, np.zeros((1, 3)), radar, PRUNE, searched), radar, 1)[0, 0]
 
     usual = signal()
     monkeypatch.setattr(room, "CHANNELS", 0.0)

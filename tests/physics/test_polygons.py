@@ -19,8 +19,8 @@ from radartwin.scene import objects
 from radartwin.simulation import geometry, reflection_table, variant
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.curved import tube_grid, tubes
-from radartwin.simulation.curved.hits import Antennas, TraceOptions
 from radartwin.simulation.flat import polygons
+from radartwin.simulation.hits import Antennas, TraceOptions
 
 METAL = reflection_table.build([("metal", 0.0)], FREQUENCY)
 UP = np.array([0.0, 0.0, 1.0])

@@ -128,7 +128,7 @@ def test_tubes_end_at_rims_as_physical_optics_does(density, monkeypatch):
     """Without fringe currents, the echo of a can agrees with a quadrature of physical optics. The mesh has so many sides that its rim is a
     circle.
     """
-    monkeypatch.setattr(rims, "hits", lambda *_: None)
+    monkeypatch.setattr(rims, "hits", lambda *_: [])
     mesh = body("can")
     angles = np.radians(np.arange(1.0, 90.0, 4.0))
     ours = np.array([rt.rcs(mesh, [np.cos(a), 0, np.sin(a)], rays_per_wavelength2=density) for a in angles])

@@ -24,7 +24,7 @@ import radartwin as rt
 from radartwin.scene import objects
 from radartwin.simulation import geometry, reflection_table, variant
 from radartwin.simulation.curved import tube_grid, tubes
-from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
+from radartwin.simulation.hits import Antennas, Hits, TraceOptions
 
 FIELDS = ("amplitude", "length_in_m", "length_out_m", "departure", "arrival", "first_m")
 
@@ -124,7 +124,7 @@ def test_three_million_rays_in_a_room_fit_in_two_gigabytes():
     code = (
         "import numpy as np, trimesh\nfrom experiments.speed.peak_memory import peak_gib\n"
         "from radartwin.simulation import geometry, reflection_table, variant\nfrom radartwin.simulation.curved import tube_grid, tubes\n"
-        "from radartwin.simulation.curved.hits import Antennas, TraceOptions\n"
+        "from radartwin.simulation.hits import Antennas, TraceOptions\n"
         "variant.activate('llvm')\n"
         "room = trimesh.creation.box((6.0, 4.0, 3.0))\n"
         "room.invert()\n"

@@ -14,7 +14,7 @@ from experiments.validation.oracles import stack
 from radartwin.scene import objects
 from radartwin.simulation import geometry, reflection_table, variant
 from radartwin.simulation.curved import shell, tube_grid, tubes
-from radartwin.simulation.curved.hits import Antennas, TraceOptions
+from radartwin.simulation.hits import Antennas, TraceOptions
 
 SENSOR = np.array([[2.0, 0.0, 0.0]])
 PET = rt.Layered([("pet", 0.001)])

@@ -11,7 +11,7 @@ import radartwin as rt
 from radartwin.scene import objects
 from radartwin.simulation import geometry, reflection_table, variant
 from radartwin.simulation.curved import tube_grid, tubes
-from radartwin.simulation.curved.hits import Antennas, TraceOptions
+from radartwin.simulation.hits import Antennas, TraceOptions
 
 
 @pytest.mark.parametrize(
@@ -58,17 +58,17 @@ def carried(mesh, reflectance, bounces):
     import mitsuba as mi
 
     from radartwin.simulation.curved import contact as contacts
-    from radartwin.simulation.curved import device as on_device
     from radartwin.simulation.curved import flight, scatter
-    from radartwin.simulation.drjit_arrays import upload
+    from radartwin.simulation.curved.device import Device
+    from radartwin.simulation.drjit_arrays import upload, vectors
 
     built = geometry.build([mesh])
-    device = on_device.Device.of(built, TraceOptions(bounces, hats=True))
+    device = Device.of(built, TraceOptions(bounces, hats=True))
     power = np.zeros(bounces + 1)
     source = np.array([[0.11, -0.07, 0.05]])
     for grid in tube_grid.all_around(source, np.eye(3)[None], 20_000):
         index = upload(mi.UInt32, np.arange(grid.per_pose))
-        lanes = flight.start(flight.GridArrays.of(grid), on_device.vectors(UP), False, index, None)
+        lanes = flight.start(flight.on_device(grid), vectors(UP), False, index, None)
         active = contacts.cast(device, lanes, True)
         for bounce in range(bounces + 1):
             te, tm = np.ones(dr.width(lanes.index)), 0j
@@ -80,7 +80,7 @@ def carried(mesh, reflectance, bounces):
             reception = scatter.Reception(-lanes.direction, dr.full(type(lanes.weight), 1.0), -lanes.direction, False)
             scatter.scatter(device, lanes, contact, reception, 1600.0, active)
             active = contacts.bounce(device, lanes, contact, active)
-            lanes.evaluate(active)
+            dr.eval(lanes, active)
             lanes = lanes.compacted(dr.compress(active))
             active = dr.full(type(active), True, dr.width(lanes.index))
     return power

@@ -16,7 +16,7 @@ from radartwin.simulation.backends import mitsuba, static_scene
 from radartwin.simulation.backends.static_scene import StaticScene
 from radartwin.simulation.flat import faces as faces_module
 from radartwin.simulation.flat import search
-from radartwin.simulation.flat.room import FlatRoom, RoomWarning
+from radartwin.simulation.flat.room import RoomWarning
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.pruning import PRUNE
 
@@ -42,10 +42,10 @@ def test_bounds_of_fields_leave_out_no_path_above_the_pruning_threshold(
 ) -> None:
     static, poses = of_flat(surfaces)
     bounded = static.room_paths(poses[:frames], RADAR, 3, PRUNE)
-    bounds = FlatRoom._bounds
-    monkeypatch.setattr(FlatRoom, "_bounds", lambda room, front, least: bounds(room, 0 * front, 0.0))
-    closed: Any = search.closed
-    monkeypatch.setattr(search, "closed", lambda *args: closed(*args[:4], 0.0, *args[5:]))
+    for name in ("beams", "closed", "reached"):
+        part: Any = getattr(search, name)
+        unbounded = lambda walls, cell, *rest, part=part: part(walls, cell._replace(front=0 * cell.front, least=0.0), *rest)  # noqa: E731
+        monkeypatch.setattr(search, name, unbounded)
     np.testing.assert_allclose(strengths(bounded), strengths(static.room_paths(poses[:frames], RADAR, 3, PRUNE)), rtol=1e-9)
 
 

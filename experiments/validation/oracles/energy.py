@@ -19,7 +19,7 @@ from radartwin.materials import CORRELATION_M
 from radartwin.scene import objects
 from radartwin.simulation import diffuse, geometry, reflection_table, variant
 from radartwin.simulation.curved import tube_grid, tubes
-from radartwin.simulation.curved.hits import Antennas, TraceOptions
+from radartwin.simulation.hits import Antennas, TraceOptions
 
 
 def bistatic(

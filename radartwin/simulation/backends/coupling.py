@@ -25,13 +25,13 @@ from radartwin.simulation.backends import tube_paths
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.backends.tube_paths import Target
 from radartwin.simulation.curved import tube_grid, tubes
-from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.flat import legs as legs_module
 from radartwin.simulation.flat import polygons, shadows, silhouette
 from radartwin.simulation.flat.legs import DIRECT, Legs
 from radartwin.simulation.flat.polygons import Polyhedron
 from radartwin.simulation.flat.room import FlatRoom
 from radartwin.simulation.geometry import Geometry
+from radartwin.simulation.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.pruning import EARLY, LEGS, PRUNE, SHADED, TRACED, both_gains, largest, strong_masks, strongest
 from radartwin.simulation.reflection_table import lagrange_basis
@@ -197,8 +197,7 @@ def _legs(
     if ball is not None:
         centre, radius = np.repeat(ball[0][None], frames, axis=0), ball[1]
     else:
-        extent = float(np.linalg.norm(built.corners.reshape(-1, 3) - built.centre, axis=1).max(initial=0))
-        step = extent / 2
+        extent, step = built.radius_m, built.radius_m / 2
         centre = object_poses[:, :3, :3] @ built.centre + object_poses[:, :3, 3]
         centre, radius = np.round(centre / max(step, 1e-9)) * step, extent + np.sqrt(3) / 2 * step
     seen = np.concatenate([sensor_poses[:, :3, 3], centre, sensor_poses[:, :3, 2]], axis=1)

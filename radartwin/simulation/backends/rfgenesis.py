@@ -187,11 +187,10 @@ def first_hits(built: geometry_module.Geometry, origins: np.ndarray, directions:
 
     start, way = (values.reshape(-1, 3).T.astype(np.float32) for values in (origins, directions))
     ray = mi.Ray3f(mi.Point3f(*start), mi.Vector3f(*way))
-    hit, shape = built.scene().ray_intersect_preliminary(ray, coherent=True), origins.shape[:-1]
+    hit, shape = built.scene.ray_intersect_preliminary(ray, coherent=True), origins.shape[:-1]
     valid, face, rough = (np.array(values).reshape(shape) for values in (hit.is_valid(), hit.prim_index, hit.t))
     face = np.where(valid, face.astype(np.int64), 0)
-    normals = np.cross(built.corners[:, 1] - built.corners[:, 0], built.corners[:, 2] - built.corners[:, 0])
-    normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True))[face]
+    normals = (built.area_vectors / np.linalg.norm(built.area_vectors, axis=1, keepdims=True))[face]
     slope = np.einsum("...i,...i->...", directions, normals)
     height = np.einsum("...i,...i->...", built.corners[face, 0] - origins, normals)
     steep = np.abs(slope) > 1e-4  # at grazing incidence, Mitsuba's float32 distance is more accurate than the computed float64 distance

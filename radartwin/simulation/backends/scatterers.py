@@ -147,10 +147,8 @@ def _images(walls: Sequence[Surface], radar: Radar, sensor: np.ndarray, velocity
     high = radar.start_frequency_hz + radar.sampled_bandwidth_hz
     table = reflection_table.build([(s.material, s.roughness_m) for s in walls], radar.start_frequency_hz, high)
     built = geometry.build([s.mesh for s in walls])
-    corner, edges = built.corners[:, 0], built.corners[:, 1:] - built.corners[:, :1]
-    normals = np.cross(edges[:, 0], edges[:, 1])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    height = np.einsum("fti,ti->ft", sensor[:, None, :3, 3] - corner, normals)
+    normals = built.area_vectors / np.linalg.norm(built.area_vectors, axis=1, keepdims=True)
+    height = np.einsum("fti,ti->ft", sensor[:, None, :3, 3] - built.corners[:, 0], normals)
     foot = sensor[:, None, :3, 3] - height[:, :, None] * normals
     shares = points_to_barycentric(np.tile(built.corners, (len(sensor), 1, 1)), foot.reshape(-1, 3)).reshape(*height.shape, 3)
     on = (shares >= -EDGE).all(axis=2) & (np.abs(height) > NEAREST_M)

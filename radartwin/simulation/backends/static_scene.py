@@ -71,8 +71,7 @@ class StaticScene:
     def is_flat(self) -> bool:
         """Return whether flat faces make up FLAT_SHARE of the area of the large surfaces, and are at most MAX_FACES."""
         found, flat = self._large
-        edge = self.geometry.corners[:, 1:] - self.geometry.corners[:, :1]
-        area = np.linalg.norm(np.cross(edge[:, 0], edge[:, 1]), axis=1)
+        area = np.linalg.norm(self.geometry.area_vectors, axis=1)
         if len(found.offset) == 0 or area[flat].sum() < FLAT_SHARE * area[~self.small].sum():
             return False
         if len(found.offset) > MAX_FACES:
@@ -170,11 +169,11 @@ class StaticScene:
     def room_paths(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float, searched: Searched | None = None) -> list[Paths]:
         """Return the paths of the flat room, without and with edges. Their amplitudes include the shadows of the small objects.
 
-        The arguments are those of `FlatRoom.paths`.
+        The arguments are those of `FlatRoom.paths` and `FlatRoom.searched`; without `searched`, the function searches for the sequences.
         """
         velocity = poses_module.relative(poses, None, radar.frame_rate_hz)[1]
         searched = self.searched(poses, radar, max_bounces, prune) if searched is None else searched
-        parts = self.room.paths(poses, velocity, radar, max_bounces, prune, searched)
+        parts = self.room.paths(poses, velocity, radar, prune, searched)
         return [self._shaded(part, poses) for part in parts]
 
     def _shaded(self, part: Paths, poses: np.ndarray) -> Paths:

@@ -373,12 +373,11 @@ class Track:
         frames = max(len(sensor), len(poses))
         sensor, poses = poses_module.repeated(sensor, frames), poses_module.repeated(poses, frames)
         centres = poses[:, :3, :3] @ built.centre + poses[:, :3, 3]
-        radius = float(np.linalg.norm(built.corners.reshape(-1, 3) - built.centre, axis=1).max(initial=0))
-        size = BALL_M * BALL_STEP ** np.ceil(np.log(max(radius, 1e-6) / BALL_M) / np.log(BALL_STEP))
+        size = BALL_M * BALL_STEP ** np.ceil(np.log(max(built.radius_m, 1e-6) / BALL_M) / np.log(BALL_STEP))
         step = size / 2
         logged = centres[0] if aside is None else centres[0] - aside
         ball = (np.round(logged / step) * step + 0.0, float(size + np.sqrt(3) / 2 * step + ASIDE_M))
-        wanders = float(np.linalg.norm(centres - ball[0], axis=1).max()) + radius > ball[1]
+        wanders = float(np.linalg.norm(centres - ball[0], axis=1).max()) + built.radius_m > ball[1]
         return group_paths(
             settings, group, self.surroundings, self._radar, sensor, poses, ball=None if wanders else ball, prune=pruning.THING,
             direct=direct,

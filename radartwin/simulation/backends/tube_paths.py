@@ -19,9 +19,9 @@ from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.curved import tube_grid, tubes
-from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.flat import polygons
 from radartwin.simulation.geometry import Geometry
+from radartwin.simulation.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.pruning import PRUNE, TRACED, pruned
 from radartwin.simulation.reflection_table import ReflectionTable

@@ -16,8 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from radartwin.compiled import compiled, fixed, innermost, shared_out
+from radartwin.compiled import compiled, fixed, gathered, innermost
 from radartwin.simulation.curved.tube_grid import MIN_DEPTH, TubeGrid
+from radartwin.simulation.flat.convex import clip, copy
 from radartwin.simulation.geometry import SMOOTH_EDGE_RAD, Geometry
 
 CORNERS = 6  # largest number of corners of a piece
@@ -25,6 +26,7 @@ PIECES = 3  # number of smaller tubes, along each grid axis, in the width of a t
 LINES = 4  # largest number of cuts through one square; further borders in the square are ignored
 SAME_LINE = 0.02  # borders that are closer than this to an earlier cut, in cells, do not cut it again
 SLIVER = 1e-3  # smallest area of a piece, in cells
+ROOM = 4096  # number of pieces for which memory is reserved at first; the memory grows if needed
 _MOST = CORNERS + 2  # largest number of corners while a square is cut: four plus one for each cut
 _edges: "weakref.WeakKeyDictionary[Geometry, Edges]" = weakref.WeakKeyDictionary()
 
@@ -69,8 +71,7 @@ def _found(geometry: Geometry) -> Edges:
     corners = geometry.corners
     points, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
     index = index.reshape(-1, 3)
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = cross / np.linalg.norm(cross, axis=1, keepdims=True)
+    normals = geometry.area_vectors / np.linalg.norm(geometry.area_vectors, axis=1, keepdims=True)
     pairs = np.sort(np.stack([index, np.roll(index, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     _, first, of, count = np.unique(pairs[:, 0] * len(points) + pairs[:, 1], return_index=True, return_inverse=True, return_counts=True)
     last = np.zeros(len(first), int)
@@ -105,24 +106,16 @@ def cut(
         some = Edges(*(fixed(values[near]) for values in some))
     if fine is None:
         fine = np.zeros((1, grid.count_v + 1, grid.count_u + 1), bool)
-    found: list[tuple[int, Pieces]] = []
     frame = np.stack([grid.forward, grid.u_axis, grid.v_axis], axis=1)
     scale = np.stack([grid.low_u, grid.low_v, grid.step_u, grid.step_v], axis=1)
     places = [fixed(np.asarray(values, float)) for values in (grid.source, frame, scale)]
 
-    def run(begin: int, stop: int) -> None:
-        room = 1024 * (stop - begin)
-        while True:
-            out = Pieces(np.empty(room, np.int64), np.empty((room, 2)), np.empty((room, CORNERS, 2)))
-            first = poses[0] + begin, poses[0] + stop
-            count = _cut(*first, *some[:3], *places, fine, poses[0], grid.plane, out)
-            if count >= 0:
-                found.append((begin, Pieces(*(array[:count] for array in out))))
-                return
-            room *= 4
+    def written(begin: int, stop: int, room: int) -> list[np.ndarray] | None:
+        out = Pieces(np.empty(room, np.int64), np.empty((room, 2)), np.empty((room, CORNERS, 2)))
+        count = _cut(poses[0] + begin, poses[0] + stop, *some[:3], *places, fine, poses[0], grid.plane, out)
+        return [array[:count] for array in out] if count >= 0 else None
 
-    shared_out(run, poses[1] - poses[0])
-    return Pieces(*(np.concatenate(arrays) for arrays in zip(*(part for _, part in sorted(found, key=lambda f: f[0])), strict=True)))
+    return Pieces(*gathered(written, poses[1] - poses[0], ROOM))
 
 
 @compiled
@@ -133,8 +126,9 @@ def _cut(begin, stop, ends, normal, solid, source, frame, scale, fine, origin, p
     capacity = 4 * (rows + columns) + 4 * len(ends)
     cell, line = np.empty(capacity, np.int64), np.empty((capacity, 4))
     at = np.empty((2, 2))
-    pieces, counts = np.empty((PIECES * PIECES << LINES, _MOST, 2)), np.empty(PIECES * PIECES << LINES, np.int64)
-    spare, lines = np.empty((2, _MOST, 2)), np.empty((LINES, 3))
+    # corners in the plane of the third coordinate zero
+    pieces, counts = np.zeros((PIECES * PIECES << LINES, _MOST, 3)), np.empty(PIECES * PIECES << LINES, np.int64)
+    spare, lines = np.zeros((2, _MOST, 3)), np.empty((LINES, 3))
     for f in range(begin, stop):
         # The parts of the borders in each square, as `line`: both ends relative to the centre of the square.
         number = 0
@@ -258,16 +252,13 @@ def _divide(order, line, cell, rows, columns, side, pieces, counts, spare, lines
         counts[p] = 4
     for i in range(cuts):
         for p in range(number):
-            left = _side(pieces[p], counts[p], lines[i, 0], lines[i, 1], lines[i, 2], spare[0])
-            right = _side(pieces[p], counts[p], -lines[i, 0], -lines[i, 1], -lines[i, 2], spare[1])
-            if left < 3 or right < 3:
-                continue
-            for k in range(left):
-                pieces[p, k, 0], pieces[p, k, 1] = spare[0, k, 0], spare[0, k, 1]
-            for k in range(right):
-                pieces[number, k, 0], pieces[number, k, 1] = spare[1, k, 0], spare[1, k, 1]
-            counts[p], counts[number] = left, right
-            number += 1
+            left = clip(pieces[p], counts[p], (lines[i, 0], lines[i, 1], 0.0), lines[i, 2], spare[0])
+            right = clip(pieces[p], counts[p], (-lines[i, 0], -lines[i, 1], 0.0), -lines[i, 2], spare[1])
+            if left and right:
+                copy(spare[0], left, pieces[p])
+                copy(spare[1], right, pieces[number])
+                counts[p], counts[number] = left, right
+                number += 1
     for p in range(number):
         # a piece of more than CORNERS corners becomes two
         start = 1
@@ -292,22 +283,3 @@ def _divide(order, line, cell, rows, columns, side, pieces, counts, spare, lines
                 used += 1
             start = end
     return used
-
-
-@innermost
-def _side(polygon, count, a, b, c, out):
-    """Write the part of a polygon with a x + b y >= c to `out`. Returns the number of its corners."""
-    kept = 0
-    before = a * polygon[count - 1, 0] + b * polygon[count - 1, 1] - c
-    for i in range(count):
-        here = a * polygon[i, 0] + b * polygon[i, 1] - c
-        if (here >= 0) != (before >= 0) and kept < len(out):
-            share, last = before / (before - here), (i - 1) % count
-            out[kept, 0] = polygon[last, 0] + share * (polygon[i, 0] - polygon[last, 0])
-            out[kept, 1] = polygon[last, 1] + share * (polygon[i, 1] - polygon[last, 1])
-            kept += 1
-        if here >= 0 and kept < len(out):
-            out[kept, 0], out[kept, 1] = polygon[i, 0], polygon[i, 1]
-            kept += 1
-        before = here
-    return kept

@@ -130,10 +130,8 @@ def meet(device: Device, tubes: Tubes, first: bool, active: Any) -> tuple[Contac
     distance = dr.dot(mi.Vector3d(contact.point) - mi.Vector3d(tubes.origin), mi.Vector3d(tubes.direction))
     if device.curved and not first:
         count_caustics(tubes, mi.Float(distance))
-    tubes.position_du, tubes.position_dv = (
-        tubes.position_du + tubes.direction_du * mi.Float(distance),
-        tubes.position_dv + tubes.direction_dv * mi.Float(distance),
-    )
+    tubes.position_du = tubes.position_du + tubes.direction_du * mi.Float(distance)
+    tubes.position_dv = tubes.position_dv + tubes.direction_dv * mi.Float(distance)
     tubes.length = tubes.length + distance
     if first:
         tubes.first = tubes.length

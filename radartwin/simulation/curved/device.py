@@ -8,16 +8,10 @@ from typing import Any
 
 import drjit as dr
 import mitsuba as mi
-import numpy as np
 
-from radartwin.simulation.curved.hits import TraceOptions
 from radartwin.simulation.drjit_arrays import upload
 from radartwin.simulation.geometry import Geometry
-
-
-def vectors(values: np.ndarray) -> Any:
-    """Copy F vectors `values` (F, 3) to the device."""
-    return mi.Vector3f(*(upload(mi.Float, values[:, i]) for i in range(3)))
+from radartwin.simulation.hits import TraceOptions
 
 
 @dataclass
@@ -40,7 +34,7 @@ class Device:
         """Copy a geometry to the device."""
         clusters = None if options.cluster is None else (upload(mi.UInt32, options.cluster), dr.opaque(mi.UInt32, options.first_cluster))
         return Device(
-            geometry.scene(), dr.opaque(mi.Bool, options.hats), upload(mi.Float, geometry.corners), upload(mi.Float, geometry.normals),
+            geometry.scene, dr.opaque(mi.Bool, options.hats), upload(mi.Float, geometry.corners), upload(mi.Float, geometry.normals),
             upload(mi.UInt32, geometry.surface), *(clusters or (None, None)),
             dr.opaque(mi.Float, geometry.lift_m), geometry.curved, upload(mi.UInt32, geometry.patch + 1),
         )  # fmt: skip

@@ -15,15 +15,15 @@ import mitsuba as mi
 import numpy as np
 
 from radartwin.errors import BackendError
-from radartwin.simulation.curved import borders, tube_grid
+from radartwin.simulation.curved import borders
 from radartwin.simulation.curved.borders import CORNERS, PIECES, Pieces
 from radartwin.simulation.curved.contact import cast, leave, meet
 from radartwin.simulation.curved.device import Device
-from radartwin.simulation.curved.flight import WHOLE, GridArrays, Tubes, TubeSelection, rays
-from radartwin.simulation.curved.hits import TraceOptions
-from radartwin.simulation.curved.transit import Walls
+from radartwin.simulation.curved.flight import WHOLE, Tubes, TubeSelection, on_device, rays
+from radartwin.simulation.curved.transit import Sheets
 from radartwin.simulation.curved.tube_grid import TubeGrid
 from radartwin.simulation.geometry import Geometry
+from radartwin.simulation.hits import TraceOptions
 
 MAX_TUBES = (1 << 32) - 1  # largest number of tubes in a grid, because tube indices have 32 bits
 # Tubes at the shadow line of a curved object are divided if the object covers at most this many square wavelengths. Division changes the
@@ -39,20 +39,19 @@ def blocks(
     grid: TubeGrid,
     geometry: Geometry,
     options: TraceOptions,
-    walls: Walls | None,
+    walls: Sheets | None,
     panes: bool,
     wavelength_m: float,
 ) -> Iterator[TubeSelection]:
-    """Yield the tubes of a grid in blocks. A block holds all tubes of one or more sensor poses, or, if a pose has too many tubes, a part of
-    them.
+    """Yield the tubes of a grid in blocks. A block holds all tubes of one or more sensor poses, or, if a pose has more, TUBES_PER_BLOCK
+    tubes.
 
     The function cuts no tube of a room, whose tubes overlap, and none if the tubes of a pose do not fit into one block.
 
     Args:
         device: geometry on the device, for the test rays.
         grid: grid of tubes.
-        geometry: the same geometry. If the tubes of a pose do not fit into one block, the function leaves out the tubes whose centre ray
-            cannot meet a facet.
+        geometry: the same geometry.
         options: trace options, of which the function reads the number of bounces, the first cluster, and whether tubes fill a room.
         walls: walls of hollow objects through which the tubes pass; None for tubes that are reflected on the outside of the surfaces.
         panes: whether tubes also pass through sheets. wavelength_m: wavelength in metres.
@@ -63,11 +62,8 @@ def blocks(
     if end > MAX_TUBES:
         raise BackendError(f"{end:.3g} tubes in one grid exceed the limit of {MAX_TUBES:.3g}; trace fewer poses at once")
     if options.hats or grid.per_pose > TUBES_PER_BLOCK // 2:
-        stride = max(1, TUBES_PER_BLOCK // grid.per_pose) * grid.per_pose
-        parts = (np.arange(low, min(low + stride, end)) for low in range(0, end, stride))
-        if grid.per_pose > TUBES_PER_BLOCK:
-            parts = (part for pose in range(grid.poses) for part in _parts(_covered(grid, pose, geometry.corners)))
-        yield from (TubeSelection(index.astype(np.uint32)) for index in parts if len(index))
+        stride = TUBES_PER_BLOCK // grid.per_pose * grid.per_pose or TUBES_PER_BLOCK
+        yield from (TubeSelection(np.arange(low, min(low + stride, end), dtype=np.uint32)) for low in range(0, end, stride))
         return
     among = None if options.cluster is None else options.cluster == options.first_cluster
     # the size of the body decides, not the poses of the call
@@ -86,17 +82,7 @@ def blocks(
             yield TubeSelection(tubes, share[part], cut) if len(cut.square) else TubeSelection(tubes)
 
 
-def _parts(index: np.ndarray) -> Iterator[np.ndarray]:
-    return (index[low : low + TUBES_PER_BLOCK] for low in range(0, len(index), TUBES_PER_BLOCK))
-
-
-def _covered(grid: TubeGrid, pose: int, corners: np.ndarray) -> np.ndarray:
-    """Return the indices of those tubes of one sensor pose whose centre ray can meet a facet."""
-    cells = tube_grid.covered(grid, pose, corners)
-    return pose * grid.per_pose + (np.arange(grid.per_pose) if cells is None else cells)
-
-
-def patch_sequences(device: Device, grid: TubeGrid, poses: tuple[int, int], options: TraceOptions, walls: Walls | None) -> np.ndarray:
+def patch_sequences(device: Device, grid: TubeGrid, poses: tuple[int, int], options: TraceOptions, walls: Sheets | None) -> np.ndarray:
     """Cast the test rays and return, for each ray, a number that identifies the sequence of smooth surface patches that the ray meets.
 
     Returns:
@@ -116,7 +102,7 @@ def patch_sequences(device: Device, grid: TubeGrid, poses: tuple[int, int], opti
     count = dr.select(corner, dr.opaque(mi.UInt32, grid.count_u + 1), dr.opaque(mi.UInt32, grid.count_u))
     cell_v = cell // count
     offset = dr.select(corner, mi.Float(0.5), 0.0)
-    origin, direction, *_ = rays(GridArrays.of(grid), pose, mi.Float(cell - cell_v * count) - offset, mi.Float(cell_v) - offset)
+    origin, direction, *_ = rays(on_device(grid), pose, mi.Float(cell - cell_v * count) - offset, mi.Float(cell_v) - offset)
     zero, length = mi.Vector3f(0.0), mi.Float64(0.0)
     tubes = Tubes(
         index, pose, origin, direction, zero, zero, zero, zero, length, None, zero, zero, [], mi.UInt32(0), length, length,

@@ -3,8 +3,7 @@
 `radartwin.simulation.curved.tubes` explains the symbols. Import this module only after a Mitsuba variant is active.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import drjit as dr
@@ -12,9 +11,8 @@ import mitsuba as mi
 import numpy as np
 
 from radartwin.simulation.curved.borders import CORNERS, PIECES, Pieces
-from radartwin.simulation.curved.device import vectors
 from radartwin.simulation.curved.tube_grid import TubeGrid
-from radartwin.simulation.drjit_arrays import upload
+from radartwin.simulation.drjit_arrays import upload, vectors
 
 WHOLE = 15  # share of a tube that contributes in all four squares around its centre ray
 
@@ -31,29 +29,11 @@ class TubeSelection:
     cut: Pieces | None = None
 
 
-@dataclass
-class GridArrays:
-    """Hold a `TubeGrid` on the device."""
-
-    source: Any
-    forward: Any
-    u_axis: Any
-    v_axis: Any
-    low_u: Any
-    low_v: Any
-    step_u: Any
-    step_v: Any
-    per_pose: Any
-    count_u: Any
-    plane: bool
-
-    @staticmethod
-    def of(grid: TubeGrid) -> "GridArrays":
-        """Copy a grid to the device."""
-        places = [vectors(values) for values in (grid.source, grid.forward, grid.u_axis, grid.v_axis)]
-        steps = [upload(mi.Float, values) for values in (grid.low_u, grid.low_v, grid.step_u, grid.step_v)]
-        counts = [dr.opaque(mi.UInt32, count) for count in (grid.per_pose, grid.count_u)]
-        return GridArrays(*[*places, *steps, *counts, grid.plane])
+def on_device(grid: TubeGrid) -> Any:
+    """Return a grid whose arrays and counts are on the device."""
+    places = {name: vectors(getattr(grid, name)) for name in ("source", "forward", "u_axis", "v_axis")}
+    steps = {name: upload(mi.Float, getattr(grid, name)) for name in ("low_u", "low_v", "step_u", "step_v")}
+    return replace(grid, **places, **steps, **{name: dr.opaque(mi.UInt32, getattr(grid, name)) for name in ("count_u", "count_v")})
 
 
 @dataclass
@@ -70,12 +50,8 @@ class PieceArrays:
         """Copy the pieces of a selection to the device; None if all tubes are whole cells."""
         if selection.share is None or selection.cut is None:
             return None
-        return PieceArrays(
-            upload(mi.UInt32, selection.share),
-            upload(mi.Float, selection.cut.centre),
-            upload(mi.Float, selection.cut.corner),
-            dr.opaque(mi.Float, 1 / PIECES),
-        )
+        centre, corner = (upload(mi.Float, values) for values in (selection.cut.centre, selection.cut.corner))
+        return PieceArrays(upload(mi.UInt32, selection.share), centre, corner, dr.opaque(mi.Float, 1 / PIECES))
 
     def middles(self, cell: list[Any]) -> list[Any]:
         """Return the coordinates of the tubes' centre rays along both grid axes, which are `cell` for tubes that are no pieces."""
@@ -115,10 +91,6 @@ class Tubes:
     inner_u: Any = None  # first barycentric coordinate of the next hit, set by `contact.cast`
     inner_v: Any = None  # second barycentric coordinate of the next hit, set by `contact.cast`
 
-    def evaluate(self, *others: Any) -> None:
-        """Compute the state of all tubes and the values `others` in one compiled kernel."""
-        dr.eval(*self.values(), *others)
-
     def compacted(self, alive: Any) -> "Tubes":
         """Return only the tubes at the lane indices `alive`."""
         return Tubes(*picked([getattr(self, field.name) for field in fields(self)], alive))
@@ -149,10 +121,6 @@ class Tubes:
 
         return Tubes(*(join([getattr(part, field.name) for part in parts]) for field in fields(Tubes)))
 
-    def values(self) -> Iterator[Any]:
-        """Return all arrays of the state."""
-        return (value for field in fields(self) if (value := getattr(self, field.name)) is not None)
-
 
 def picked(value: Any, keep: Any) -> Any:
     """Return arrays at the lane indices `keep`, for an array, None, or nested sequences of these."""
@@ -167,8 +135,8 @@ def project(axis: Any, direction: Any) -> Any:
     return across * dr.rsqrt(dr.maximum(dr.squared_norm(across), 1e-12))
 
 
-def rays(grid: GridArrays, pose: Any, cell_u: Any, cell_v: Any) -> tuple[Any, Any, Any, Any, Any]:
-    """Compute the centre rays of tubes at the grid coordinates `cell_u` and `cell_v`.
+def rays(grid: Any, pose: Any, cell_u: Any, cell_v: Any) -> tuple[Any, Any, Any, Any, Any]:
+    """Compute the centre rays of tubes at the grid coordinates `cell_u` and `cell_v` of a grid from `on_device`.
 
     Returns:
         Origin and direction of the rays, derivatives along the grid axes u and v, and weights of the tubes. For a spherical wave, the
@@ -189,11 +157,11 @@ def rays(grid: GridArrays, pose: Any, cell_u: Any, cell_v: Any) -> tuple[Any, An
     return origin, direction, direction_du, direction_dv, step_u * step_v * scale * scale * scale
 
 
-def start(grid: GridArrays, axis: Any, cross: bool, index: Any, pieces: PieceArrays | None) -> Tubes:
+def start(grid: Any, axis: Any, cross: bool, index: Any, pieces: PieceArrays | None) -> Tubes:
     """Start tubes of a grid at their source.
 
     Args:
-        grid: grid of tubes for F sensor poses.
+        grid: grid of tubes for F sensor poses, from `on_device`.
         axis: F antenna axes. The electric field of a tube lies along the projection of the axis perpendicular to its ray.
         cross: whether the electric field is turned by 90 degrees about the ray, for horizontal (H) polarisation.
         index: indices of the tubes to start, as in `TubeSelection`.

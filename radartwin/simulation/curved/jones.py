@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from radartwin.compiled import compiled, fixed, innermost, shared_out
+from radartwin.simulation.flat.crossing import looked_up
 from radartwin.simulation.reflection_table import ReflectionTable
 
 FEW_NODES = 4  # number of frequency nodes whose amplitudes decide whether a hit is weak
@@ -66,18 +67,12 @@ class Coefficients:
 def _meet(a, b, nodes, code, cosine, turn_cos, turn_sin, te, tm, through_te, through_tm) -> None:  # fmt: skip
     """Turn the components `a`, `b` (Q,) of fields to the plane of incidence, and multiply them by the coefficients of the facet."""
     surface = code >> 1
-    place = min(max(cosine, 0.0), 1.0) * (te.shape[1] - 1)
-    low = min(int(place), te.shape[1] - 2)
-    high = place - low
+    if code & 1:
+        te, tm = through_te, through_tm
     for i in range(len(nodes)):
         q = nodes[i]
         s, p = a[i] * turn_cos + b[i] * turn_sin, b[i] * turn_cos - a[i] * turn_sin
-        if code & 1:
-            a[i] = s * (through_te[surface, low, q] * (1 - high) + through_te[surface, low + 1, q] * high)
-            b[i] = p * (through_tm[surface, low, q] * (1 - high) + through_tm[surface, low + 1, q] * high)
-        else:
-            a[i] = s * (te[surface, low, q] * (1 - high) + te[surface, low + 1, q] * high)
-            b[i] = p * (tm[surface, low, q] * (1 - high) + tm[surface, low + 1, q] * high)
+        a[i], b[i] = s * looked_up(te, surface, cosine, q), p * looked_up(tm, surface, cosine, q)
 
 
 @innermost

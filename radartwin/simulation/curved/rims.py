@@ -30,10 +30,12 @@ import numpy as np
 
 from radartwin.compiled import compiled, fixed, innermost, shared_out
 from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.simulation import visibility
 from radartwin.simulation.curved import borders
-from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.curved.tube_grid import TubeGrid
+from radartwin.simulation.flat.vectors import ZERO, cross, dot, moved, norm, toward, transverse, unit, vector
 from radartwin.simulation.geometry import Geometry
+from radartwin.simulation.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.pruning import EARLY
 from radartwin.simulation.reflection_table import ReflectionTable
 
@@ -90,8 +92,7 @@ def find(geometry: Geometry, table: ReflectionTable, options: TraceOptions) -> R
 
 def _width_m(geometry: Geometry, edges: borders.Edges) -> np.ndarray:
     """Return the mean width of each smooth patch in metres, which is twice its area over the length of its borders."""
-    corners = geometry.corners
-    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    area = 0.5 * np.linalg.norm(geometry.area_vectors, axis=1)
     length = np.repeat(np.linalg.norm(edges.ends[:, 1] - edges.ends[:, 0], axis=1), 2)
     border = np.bincount(geometry.patch[edges.face].ravel(), length, geometry.patch.max(initial=0) + 1)
     return 2 * np.bincount(geometry.patch, area, len(border)) / np.maximum(border, 1e-9)
@@ -99,13 +100,13 @@ def _width_m(geometry: Geometry, edges: borders.Edges) -> np.ndarray:
 
 def hits(
     geometry: Geometry, table: ReflectionTable, grid: TubeGrid, transmit: Antennas, receive: Antennas, options: TraceOptions
-) -> Hits | None:  # fmt: skip
-    """Return the echoes of fringe currents as hits of one bounce; None if the geometry has no such edges. The arguments are those of
-    `tubes.trace`.
+) -> list[Hits]:  # fmt: skip
+    """Return the echoes of fringe currents as hits of one bounce; an empty list if the geometry has no such edges. The arguments are those
+    of `tubes.trace`.
     """
     rims = find(geometry, table, options)
     if not len(rims.length):
-        return None
+        return []
     poses, wavenumbers = grid.poses, 2 * np.pi * table.frequencies_hz / SPEED_OF_LIGHT
     amplitude = np.zeros((poses, len(rims.length)), complex)
     places = [fixed(np.asarray(values, float)) for values in (grid.source, grid.forward, transmit.axis, receive.position, receive.axis)]
@@ -126,31 +127,21 @@ def hits(
     length_in, length_out = (np.einsum("ni,ni->n", w, d) for w, d in ((way, departure), (back, arrival)))
     # Signals have the phase factor exp(+j k L), so that amplitudes are conjugated.
     value = amplitude[pose, piece].conj()[:, None] / (2 * wavenumbers)
-    return Hits(pose, np.ones(len(pose), int), value, length_in, length_out, departure, arrival, length_in)
+    return [Hits(pose, np.ones(len(pose), int), value, length_in, length_out, departure, arrival, length_in)]
 
 
 def _visible(geometry, rims, grid, receiver, pose, piece) -> np.ndarray:
     """Return the mask of those pieces that source and receiver see at each pose."""
-    import drjit as dr
-    import mitsuba as mi
-
-    from radartwin.simulation.curved import contact
-    from radartwin.simulation.curved.device import vectors
-    from radartwin.simulation.drjit_arrays import upload
-
     outward = rims.normal.sum(axis=1)
     outward *= 10 * geometry.lift_m / np.linalg.norm(outward, axis=1, keepdims=True)
     start = rims.middle[piece] + outward[piece]
-    seen = mi.Bool(True)
-    if not len(pose):
-        return np.zeros(0, bool)
-    origin = vectors(start)
+    seen = np.ones(len(pose), bool)
     for end in {id(e): e for e in (grid.source, receiver)}.values():
         away = -grid.forward[pose] if grid.plane else end[pose] - start
         distance = np.linalg.norm(away, axis=1)
-        reach = dr.opaque(mi.Float, np.inf) if grid.plane else upload(mi.Float, (1 - contact.SHADOW_SHORT) * distance)
-        seen &= ~geometry.scene().ray_test(contact.limited(origin, vectors(away / distance[:, None]), reach))
-    return np.broadcast_to(seen.numpy(), len(pose))
+        reach = np.full(len(pose), np.inf) if grid.plane else distance
+        seen &= visibility.visible(geometry, start, away / distance[:, None], reach)
+    return seen
 
 
 @compiled
@@ -158,31 +149,25 @@ def _strengths(begin, stop, rims, source, forward, transmit, receiver, receive, 
     """Write the scattered field S of each piece at the poses `begin` to `stop` - 1 for an incident field of 1 V/m at one metre from the
     source, times the spreading to the receiver, to `out` (poses, M). It is zero for pieces that the body itself hides.
     """
-    electric, got, magnetic, way, away = np.empty((5, 3))
     for f in range(begin, stop):
         for m in range(len(rims.length)):
-            there, back = 0.0, 0.0
-            for i in range(3):
-                way[i] = forward[f, i] if plane else rims.middle[m, i] - source[f, i]
-                away[i] = -forward[f, i] if plane else receiver[f, i] - rims.middle[m, i]
-                there += way[i] * way[i]
-                back += away[i] * away[i]
-            there, back = math.sqrt(there), math.sqrt(back)
-            for i in range(3):
-                way[i] /= there
-                away[i] /= back
+            way, away = vector(forward, f), moved(ZERO, vector(forward, f), -1.0)
+            if not plane:
+                way, away = toward(source[f], rims.middle[m], 1.0), toward(rims.middle[m], receiver[f], 1.0)
+            there, back = norm(way), norm(away)
+            way, away = unit(way), unit(away)
             if _inside(rims, m, way, -1.0) or _inside(rims, m, away, 1.0):
                 continue
-            _across(transmit[f], way, -1.0 if sent_cross else 0.0, electric)
-            _across(receive[f], away, 1.0 if got_cross else 0.0, got)
-            for i in range(3):
-                j, k = (i + 1) % 3, (i + 2) % 3
-                magnetic[i] = way[j] * electric[k] - way[k] * electric[j]
+            # the polarisations; horizontal ones are turned by 90 degrees about the ray
+            electric, got = transverse(transmit[f], way), transverse(receive[f], away)
+            electric = cross(electric, way) if sent_cross else electric
+            got = cross(away, got) if got_cross else got
             total = 0j
             for side in range(2):
-                total += _face(rims.into[m, side], rims.normal[m, side], rims.opening[m], way, away, electric, magnetic, got)
+                x, n = vector(rims.into[m], side), vector(rims.normal[m], side)
+                total += _face(x, n, rims.opening[m], way, away, electric, cross(way, electric), got)
             # the phase along the straight piece
-            along = _triple(rims.into[m, 0], rims.normal[m, 0], way) - _triple(rims.into[m, 0], rims.normal[m, 0], away)
+            along = dot(cross(rims.into[m, 0], rims.normal[m, 0]), toward(away, way, 1.0))
             turn = 0.5 * wavenumber * rims.length[m] * along
             width = math.sin(turn) / turn if abs(turn) > 1e-6 else 1.0
             out[f, m] = total * width * rims.length[m] / (2 * math.pi * (1.0 if plane else there * back))
@@ -191,44 +176,20 @@ def _strengths(begin, stop, rims, source, forward, transmit, receiver, receive, 
 @innermost
 def _inside(rims, m, ray, sign):
     """Return whether the ray of direction sign x `ray` from an edge lies inside the wedge, that is, behind both faces."""
-    return sign * _dot(rims.normal[m, 0], ray) < 0 and sign * _dot(rims.normal[m, 1], ray) < 0
-
-
-@innermost
-def _across(axis, direction, turned, out):
-    """Write the component of an antenna's axis perpendicular to a ray, normalised to unit length, to `out`. If `turned` is not zero, the
-    vector is turned by `turned` (+-1) times 90 degrees about the ray.
-    """
-    along = _dot(axis, direction)
-    size = math.sqrt(max(_dot(axis, axis) - along * along, 1e-12))
-    x, y, z = (axis[0] - along * direction[0]) / size, (axis[1] - along * direction[1]) / size, (axis[2] - along * direction[2]) / size
-    if turned != 0:
-        a, b, c = turned * direction[0], turned * direction[1], turned * direction[2]
-        x, y, z = b * z - c * y, c * x - a * z, a * y - b * x
-    out[0], out[1], out[2] = x, y, z
-
-
-@innermost
-def _triple(a, b, c):
-    """Return (a cross b) . c."""
-    return (a[1] * b[2] - a[2] * b[1]) * c[0] + (a[2] * b[0] - a[0] * b[2]) * c[1] + (a[0] * b[1] - a[1] * b[0]) * c[2]
-
-
-@innermost
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return sign * dot(rims.normal[m, 0], ray) < 0 and sign * dot(rims.normal[m, 1], ray) < 0
 
 
 @innermost
 def _face(x, n, opening, way, away, electric, magnetic, got):
     """Return the received moment of the fringe currents on one face, got . T of the module's docstring."""
-    cosine = _triple(x, n, way)
+    z = cross(x, n)
+    cosine = dot(z, way)
     sine = math.sqrt(max(0.0, 1 - cosine * cosine))
     if sine < SMALL_SINE:
         return 0j
-    source = math.atan2(-_dot(way, n), -_dot(way, x)) % (2 * math.pi)
+    source = math.atan2(-dot(way, n), -dot(way, x)) % (2 * math.pi)
     cot = cosine / sine
-    mu = min((_dot(away, x) + (_triple(x, n, away) - cosine) * cot) / sine, 1 - AHEAD)
+    mu = min((dot(away, x) + (dot(z, away) - cosine) * cot) / sine, 1 - AHEAD)
     if abs(mu + 1) < POLE:
         mu -= 10 * POLE
     lit = source < math.pi
@@ -241,7 +202,7 @@ def _face(x, n, opening, way, away, electric, magnetic, got):
     if lit:
         soft -= math.sin(source) / (mu + math.cos(source))
         hard -= 1 / (mu + math.cos(source))
-    a = _triple(x, n, electric) / (sine * sine) * soft
-    b = _triple(x, n, magnetic) / sine * hard
-    end = cot / sine * (1 / opening - (1.0 if lit else 0.0)) * _triple(x, n, magnetic)
-    return _dot(got, x) * b + _triple(x, n, got) * (a + mu * cot * b - end)
+    a = dot(z, electric) / (sine * sine) * soft
+    b = dot(z, magnetic) / sine * hard
+    end = cot / sine * (1 / opening - (1.0 if lit else 0.0)) * dot(z, magnetic)
+    return dot(got, x) * b + dot(z, got) * (a + mu * cot * b - end)

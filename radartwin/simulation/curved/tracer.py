@@ -17,16 +17,16 @@ from radartwin.simulation import variant
 from radartwin.simulation.curved import contact as contacts
 from radartwin.simulation.curved import division, flight, scatter
 from radartwin.simulation.curved.contact import SHADOW_SHORT, Contact
-from radartwin.simulation.curved.device import Device, vectors
+from radartwin.simulation.curved.device import Device
 from radartwin.simulation.curved.flight import Tubes, picked
-from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.curved.jones import Coefficients, Encounters
 from radartwin.simulation.curved.scatter import Reception
 from radartwin.simulation.curved.shell import Shells
-from radartwin.simulation.curved.transit import CROSSINGS, Line, Panes, Walls
+from radartwin.simulation.curved.transit import CROSSINGS, Line, Sheets
 from radartwin.simulation.curved.tube_grid import TubeGrid
-from radartwin.simulation.drjit_arrays import upload
+from radartwin.simulation.drjit_arrays import upload, vectors
 from radartwin.simulation.geometry import Geometry
+from radartwin.simulation.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.pruning import EARLY, largest
 from radartwin.simulation.reflection_table import ReflectionTable
 
@@ -36,7 +36,7 @@ class Setting:
     """Hold the data that all tubes of a grid share, on the device (GPU or CPU)."""
 
     device: Device
-    grid: flight.GridArrays
+    grid: Any  # of `flight.on_device`
     transmit_axis: Any  # axis of the transmit antenna at F sensor poses
     receiver: Any  # position of the receive antenna
     receive_axis: Any  # axis of the receive antenna
@@ -108,17 +108,18 @@ class Tracer:
         self.geometry, self.grid, self.transmit, self.receive, self.options = geometry, grid, transmit, receive, options
         self.device = Device.of(geometry, options)
         self.coefficients = Coefficients(table, table if shells is None else shells.inside)
-        self.walls = None if shells is None else Walls(self.device, shells.faces)
-        self.panes = None if panes is None else Panes(self.device, panes)
+        self.walls = None if shells is None else Sheets(self.device, shells.faces)
+        self.panes = None if panes is None else Sheets(self.device, panes)
         self.most = None if options.bounces is None else upload(mi.UInt32, options.bounces)
+        self.large = grid.per_pose > division.TUBES_PER_BLOCK  # a large object close to the radar may fill a few percent of its grid
         self.wavelength_m = SPEED_OF_LIGHT / float(table.frequencies_hz.mean())
         self.monostatic = bool(np.array_equal(transmit.position, receive.position))
         self.setting = Setting(
-            self.device, flight.GridArrays.of(grid), vectors(transmit.axis), vectors(receive.position), vectors(receive.axis),
+            self.device, flight.on_device(grid), vectors(transmit.axis), vectors(receive.position), vectors(receive.axis),
             dr.opaque(mi.Float, 2 * np.pi * float(table.frequencies_hz.mean()) / SPEED_OF_LIGHT), transmit.cross, receive.cross,
         )  # fmt: skip
         # The receiver sees the first hit of every tube, and no tube is traced beyond this hit.
-        self.single = self.monostatic and options.max_bounces == 1 and not (self.walls or self.panes)
+        self.single = self.monostatic and options.max_bounces == 1 and not (self.walls or self.panes or self.large)
 
     def hits(self) -> list[Hits]:
         """Return the hits of all tubes of the grid."""
@@ -141,6 +142,11 @@ class Tracer:
         tubes = flight.start(self.setting.grid, self.setting.transmit_axis, self.setting.transmit_cross, index, pieces)
         active = contacts.cast(self.device, tubes, True)
         corner = None if pieces is None else pieces.corner
+        if self.large:
+            dr.eval(tubes, active)
+            tubes, active = tubes.compacted(dr.compress(active)), mi.Bool(True)
+            if not dr.width(tubes.index):
+                return
         waiting: dict[tuple[int, int], list[Tubes]] = {(1, 0): [tubes]}
         while waiting:
             done = min(waiting, key=sum)  # no other waiting tubes can still come to the same (bounce, crossed)
@@ -175,8 +181,7 @@ class Tracer:
                 reflected &= dr.gather(mi.UInt32, self.most, tubes.pose, active) > bounce
             onwards = [(tubes, contacts.bounce(self.device, tubes, contact, reflected))]
         # Evaluate all ray casts in one kernel, because Dr.Jit would cast the rays of an unevaluated array again at each read.
-        dr.schedule(*(value for copies, passing in straight for value in (*copies.values(), passing)))
-        tubes.evaluate(lanes, seen, *(going for _, going in onwards))
+        dr.eval(straight, tubes, lanes, seen, *(going for _, going in onwards))
         found = self._hits(lanes, seen, bounce, strongest, None if clear else self.panes)
         waiting = []
         for some, more in ((straight, (bounce, crossed + 1)), (onwards, (bounce + 1, crossed))):
@@ -186,7 +191,7 @@ class Tracer:
                     waiting.append((going.compacted(alive), more))
         return found, waiting
 
-    def _hits(self, lanes: list, seen: Any, bounce: int, strongest: np.ndarray, panes: Panes | None = None) -> list[Hits]:
+    def _hits(self, lanes: list, seen: Any, bounce: int, strongest: np.ndarray, panes: Sheets | None = None) -> list[Hits]:
         """Return the hits among the results `lanes` of `Setting.lanes` that the mask `seen` selects, also behind `panes`."""
         keep = dr.compress(seen)
         if not dr.width(keep):
@@ -223,7 +228,7 @@ class Tracer:
         Returns:
             Direction, distance and polarisation of the receiver at each contact, encounters of the polarisation vector with the walls of
             shells, and a mask of the contacts that the receiver sees. If the geometry has panes, this mask ignores its surfaces, and
-            `Panes.free` tests them later.
+            `Sheets.free` tests them later.
         """
         plane = self.grid.plane
         reception, seen = self.setting.reception(tubes.pose, contact, active)

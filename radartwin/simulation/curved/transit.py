@@ -28,21 +28,18 @@ class Line(NamedTuple):
     across: Any  # unit vector along which the first component of the receive polarisation vector lies, see `jones`
 
 
-class Walls:
-    """Hold the walls of shells as arrays on the GPU or CPU that traces the tubes."""
+class Sheets:
+    """Hold the faces that transmit, panes or the walls of shells, as an array on the GPU or CPU that traces the tubes."""
 
     def __init__(self, device: Device, faces: Any):
-        """Copy the mask `faces` (F,) of the shells of a geometry to the device."""
+        """Copy the mask `faces` (F,) of these faces of a geometry to the device."""
         self.device = device
         self.faces = upload(mi.Bool, faces)
 
     def enter(self, tubes: Tubes, near: Contact, active: Any) -> Any:
         """Pass tubes straight through shell walls that they meet from outside. The function returns a mask of the tubes that pass."""
-        active = active & dr.gather(mi.Bool, self.faces, near.face, active) & near.outside
-        tubes.across, met = encounter(self.device, near, tubes.direction, tubes.across, True, active)
-        tubes.encounters = [*tubes.encounters, met]
-        tubes.origin = near.facet_point - near.flat_normal * self.device.lift
-        tubes.length = tubes.length + mi.Float64(dr.dot(tubes.origin - near.point, tubes.direction))
+        inside, active = self.behind(tubes, near, active & near.outside)
+        tubes.origin, tubes.length, tubes.across, tubes.encounters = inside.origin, inside.length, inside.across, inside.encounters
         return active
 
     def exit(self, far: Contact, outgoing: Any, length_out: Any, seen: Any, plane: bool) -> tuple[Contact, Any]:
@@ -59,15 +56,6 @@ class Walls:
         reach = mi.Float(dr.largest(mi.Float)) if plane else (1 - SHADOW_SHORT) * length_out - dr.dot(wall.facet_point - origin, outgoing)
         ray = limited(wall.facet_point - wall.flat_normal * self.device.lift, outgoing, reach)
         return wall, seen & ~self.device.scene.ray_test(ray, seen)
-
-
-class Panes:
-    """Hold the faces of sheets that transmit, as arrays on the GPU or CPU that traces the tubes."""
-
-    def __init__(self, device: Device, faces: Any):
-        """Copy the mask `faces` (F,) of the panes of a geometry to the device."""
-        self.device = device
-        self.faces = upload(mi.Bool, faces)
 
     def behind(self, tubes: Tubes, contact: Contact, active: Any) -> tuple[Tubes, Any]:
         """Return a copy of each tube that continues straight through its pane, and a mask of the tubes that meet a pane. The tubes are at

@@ -8,10 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from radartwin.compiled import compiled
-
 POINTS_AT_ONCE = 1 << 20  # number of points of a target in the views of `near`; it limits the memory
-MARGIN = 1  # number of grid cells added on each side of a facet's bounding box
 # Smallest ratio of a facet corner's depth (its distance along the viewing axis in front of the source) to its distance from the source.
 MIN_DEPTH = 1e-3
 
@@ -149,40 +146,3 @@ def all_around(source: np.ndarray, rotation: np.ndarray, rays: int, faces: int =
         forward, u_axis, v_axis = (np.einsum("fij,j->fi", rotation, axis) for axis in axes)
         grids.append(TubeGrid(source, forward, u_axis, v_axis, low, low, step, step, cells, cells))
     return grids
-
-
-def covered(grid: TubeGrid, pose: int, corners: np.ndarray) -> np.ndarray | None:
-    """Return the ascending indices of those grid cells of one pose whose centre ray can meet a facet.
-
-    The function returns None if a facet is not completely in front of the source. The function saves time, because a large object close to
-    the radar may fill only a few percent of its grid.
-
-    Args:
-        grid: grid of tubes.
-        pose: index of the sensor pose.
-        corners: (N, 3, 3) corners of N facets in metres, in the frame of `grid.source`.
-    """
-    relative = corners - grid.source[pose]
-    u, v = relative @ grid.u_axis[pose], relative @ grid.v_axis[pose]
-    if not grid.plane:
-        depth = relative @ grid.forward[pose]
-        if (depth <= MIN_DEPTH * np.linalg.norm(relative, axis=-1)).any():
-            return None
-        u, v = u / depth, v / depth
-    u, v = (u - grid.low_u[pose]) / grid.step_u[pose], (v - grid.low_v[pose]) / grid.step_v[pose]
-    u, v = u.clip(-2 - MARGIN, grid.count_u + 1 + MARGIN), v.clip(-2 - MARGIN, grid.count_v + 1 + MARGIN)
-    seen = np.zeros((grid.count_v, grid.count_u), np.bool_)
-    _mark(seen, u, v)
-    return np.flatnonzero(seen)
-
-
-@compiled
-def _mark(seen: np.ndarray, u: np.ndarray, v: np.ndarray) -> None:
-    """Mark the grid cells inside the bounding boxes of N facets. The corner coordinates u, v (N, 3) are in units of grid cells."""
-    rows, columns = seen.shape
-    for n in range(len(u)):
-        left, right = max(0, int(np.floor(u[n].min())) - MARGIN), min(columns, int(np.ceil(u[n].max())) + MARGIN + 1)
-        below, above = max(0, int(np.floor(v[n].min())) - MARGIN), min(rows, int(np.ceil(v[n].max())) + MARGIN + 1)
-        for i in range(below, above):
-            for k in range(left, right):
-                seen[i, k] = True

@@ -54,9 +54,9 @@ module computes an integral per tube.
 from dataclasses import replace
 
 from radartwin.simulation.curved import rims, shell
-from radartwin.simulation.curved.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.curved.tube_grid import TubeGrid
 from radartwin.simulation.geometry import Geometry
+from radartwin.simulation.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.reflection_table import ReflectionTable
 
 
@@ -88,6 +88,5 @@ def trace(geometry: Geometry, table: ReflectionTable, grid: TubeGrid, transmit: 
     if shells is not None:
         inside = replace(options, max_bounces=min(options.max_bounces, shell.INSIDE))
         parts += Tracer(geometry, shells.inside, shells, grid, transmit, receive, inside).hits()
-    fringes = None if options.hats else rims.hits(geometry, table, grid, transmit, receive, options)
-    parts += [] if fringes is None else [fringes]
+    parts += [] if options.hats else rims.hits(geometry, table, grid, transmit, receive, options)
     return Hits.concatenate(parts) if parts else Hits.none(len(table.frequencies_hz))

@@ -1,4 +1,4 @@
-"""Fields of waves that cross sheets (panes) along a straight line, and the factors of the field for N straight lines.
+"""Fields of waves at a face and across sheets (panes) on a straight line, and the factors of the field for N straight lines.
 
 A pane multiplies the field component across the plane of incidence by its TE transmission coefficient, and the component in this plane by
 its TM transmission coefficient. The tables hold the field behind the pane over the field there in air, so that the path keeps its straight
@@ -15,7 +15,7 @@ import numpy as np
 from radartwin.compiled import compiled, fixed, innermost, shared_out
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
-from radartwin.simulation.flat.vectors import cross, dot, norm, toward, vector
+from radartwin.simulation.flat.vectors import cross, distance, dot, norm, toward, unit, vector
 from radartwin.simulation.reflection_table import ReflectionTable, lagrange_basis
 
 SAME_M = 1e-6  # triangles of one surface that a line meets within this distance count once
@@ -24,16 +24,40 @@ SAME_M = 1e-6  # triangles of one surface that a line meets within this distance
 @innermost
 def _normal(tree: Hierarchy, t: int) -> Vector:
     """Return the unit normal of triangle `t`."""
-    normal = cross(vector(tree.edge_a, t), vector(tree.edge_b, t))
-    size = norm(normal)
-    return normal[0] / size, normal[1] / size, normal[2] / size
+    return unit(cross(vector(tree.edge_a, t), vector(tree.edge_b, t)))
 
 
 @innermost
 def _place(tree: Hierarchy, t: int, start: Point, way: Vector) -> float:
-    """Return the distance in metres from `start` to the plane of triangle `t` along a line."""
+    """Return the distance in metres from `start` to the plane of triangle `t` along a line of the unit direction `way`."""
     normal = _normal(tree, t)
-    return dot(toward(start, vector(tree.corner, t), 1.0), normal) / dot(way, normal) * norm(way)
+    return dot(toward(start, vector(tree.corner, t), 1.0), normal) / dot(way, normal)
+
+
+@innermost
+def looked_up(values: np.ndarray, surface: int, cosine: float, q: int) -> complex:
+    """Return a coefficient of a table (surfaces, C, Q), interpolated linearly in the cosine of incidence."""
+    x = min(max(cosine, 0.0), 1.0) * (values.shape[1] - 1)
+    low = min(int(x), values.shape[1] - 2)
+    return values[surface, low, q] * (1 - x + low) + values[surface, low + 1, q] * (x - low)
+
+
+@innermost
+def at_face(te: np.ndarray, tm: np.ndarray, surface: int, normal: Vector, before: Vector, after: Vector, field: np.ndarray) -> None:
+    """Multiply the TE and the TM component of a field (Q, 3) in place by the coefficients of a face, for unit directions of travel before
+    and after the face.
+    """
+    s = cross(before, normal)
+    if norm(s) < 1e-7:
+        s = cross(normal, (1.0, 0.0, 0.0) if abs(normal[0]) < 0.9 else (0.0, 1.0, 0.0))
+    s = unit(s)
+    cosine, before_p, after_p = abs(dot(before, normal)), cross(before, s), cross(after, s)
+    for q in range(len(field)):
+        along_s = field[q, 0] * s[0] + field[q, 1] * s[1] + field[q, 2] * s[2]
+        along_p = field[q, 0] * before_p[0] + field[q, 1] * before_p[1] + field[q, 2] * before_p[2]
+        along_s, along_p = along_s * looked_up(te, surface, cosine, q), along_p * looked_up(tm, surface, cosine, q)
+        for k in range(3):
+            field[q, k] = along_s * s[k] + along_p * after_p[k]
 
 
 @innermost
@@ -50,37 +74,15 @@ def cross_panes(
     """
     if count == 0:
         return
-    way = stop[0] - start[0], stop[1] - start[1], stop[2] - start[2]
-    length = norm(way)
+    way = toward(start, stop, distance(start, stop))
     for i in range(count):
         t = found[i]
-        normal, place, known = _normal(tree, t), _place(tree, t, start, way), False
+        place, known = _place(tree, t, start, way), False
         for j in range(i):
             other = found[j]
             known |= tree.label[other] == tree.label[t] and abs(_place(tree, other, start, way) - place) < SAME_M
-        if known:
-            continue
-        s = cross(way, normal)
-        size = norm(s)
-        if size < 1e-7 * length:
-            s = cross(normal, (1.0, 0.0, 0.0) if abs(normal[0]) < 0.9 else (0.0, 1.0, 0.0))
-            size = norm(s)
-        s = s[0] / size, s[1] / size, s[2] / size
-        p = cross(way, s)
-        p = p[0] / length, p[1] / length, p[2] / length
-        x = min(abs(dot(way, normal)) / length, 1.0) * (te.shape[1] - 1)
-        low = min(int(x), te.shape[1] - 2)
-        share = x - low
-        surface = tree.label[t]
-        for q in range(field.shape[0]):
-            across, within = 0j, 0j
-            for k in range(3):
-                across += field[q, k] * s[k]
-                within += field[q, k] * p[k]
-            across *= te[surface, low, q] * (1 - share) + te[surface, low + 1, q] * share
-            within *= tm[surface, low, q] * (1 - share) + tm[surface, low + 1, q] * share
-            for k in range(3):
-                field[q, k] = across * s[k] + within * p[k]
+        if not known:
+            at_face(te, tm, tree.label[t], _normal(tree, t), way, way, field)
 
 
 @compiled

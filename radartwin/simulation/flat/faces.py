@@ -8,7 +8,7 @@ open sector is one wedge. A free edge is a wedge of 360 degrees. A straight side
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -93,6 +93,9 @@ class _Region:
     def to_space(self, points: np.ndarray) -> np.ndarray:
         return self.origin + np.asarray(points) @ self.axes
 
+    def corners(self) -> np.ndarray:
+        return self.to_space(shapely.get_coordinates(self.polygon))
+
 
 def find(geometry: Geometry, smallest_m: float = SMALLEST_M) -> tuple[Faces, np.ndarray]:
     """Return the faces of a geometry with their wedges, and a mask (F,) of the triangles that belong to a face.
@@ -118,11 +121,8 @@ def _regions(geometry: Geometry, smallest_m: float) -> tuple[list[_Region], np.n
             axes = _axes(normal)
             drawn = shapely.polygons((corners - origin) @ axes.T)
             shape: Any = shapely.simplify(shapely.union_all(shapely.set_precision(drawn, 1e-7)), 1e-6)
-            if (
-                _width(np.array(shape.convex_hull.exterior.coords[:-1])) >= smallest_m
-                if shape.convex_hull.geom_type == "Polygon"
-                else False
-            ):
+            hull = shape.convex_hull
+            if hull.geom_type == "Polygon" and _width(np.array(hull.exterior.coords[:-1])) >= smallest_m:
                 flat[faces[members]] = True
                 regions.append(_Region(shape, origin, axes, normal, int(surface), outward))
     return regions, flat
@@ -133,13 +133,12 @@ def _close_gaps(regions: list[_Region]) -> None:
     share an edge, as faces that touch do. Faces of solids stay as they are.
     """
     thin = [region for region in regions if not region.outward]
-    boxes = [region.to_space(shapely.get_coordinates(region.polygon)) for region in thin]
-    low, high = (np.array([bound(box, axis=0) for box in boxes]).reshape(-1, 3) for bound in (np.min, np.max))
-    wide = shapely.box(*(low[:, :2] - GAP_M).T, *(high[:, :2] + GAP_M).T)
-    near = shapely.STRtree(wide).query(shapely.box(*low[:, :2].T, *high[:, :2].T))
-    for i, j in sorted({(min(pair), max(pair)) for pair in near.T.tolist() if pair[0] != pair[1]}):
+    corners = [region.corners() for region in thin]
+    boxes = _Boxes.of(corners)
+    near = [(i, j) for i, points in enumerate(corners) for j in boxes.touching(points, GAP_M).tolist() if j > i]
+    for i, j in near:
         along = np.cross(thin[i].normal, thin[j].normal)
-        if (low[i] > high[j] + GAP_M).any() or (low[j] > high[i] + GAP_M).any() or along @ along < 0.25:
+        if along @ along < 0.25:
             continue
         pair = np.array([thin[i].normal, thin[j].normal])
         offsets = [thin[i].normal @ thin[i].origin, thin[j].normal @ thin[j].origin]
@@ -233,7 +232,7 @@ def _without_overlaps(regions: list[_Region], smallest_m: float) -> list[_Region
     """Subtract from every region the smaller regions in its plane. Of equal regions, only the first one remains."""
     order = sorted(range(len(regions)), key=lambda i: (regions[i].polygon.area, i))
     rank = {i: place for place, i in enumerate(order)}
-    near = _Boxes.of([region.to_space(shapely.get_coordinates(region.polygon)) for region in regions])
+    near = _Boxes.of([region.corners() for region in regions])
     kept: dict[int, _Region] = {}
     for i in order:
         one = regions[i]
@@ -262,19 +261,15 @@ class _Boxes(NamedTuple):
         low, high = (np.array([bound(some, axis=0) for some in points]).reshape(-1, 3) for bound in (np.min, np.max))
         return _Boxes(low, high, shapely.STRtree(shapely.box(*low[:, :2].T, *high[:, :2].T)))
 
-    def touching(self, points: np.ndarray) -> np.ndarray:
-        """Return the indices, in ascending order, of the boxes closer than SAME_M to the box of points (V, 3)."""
-        low, high = points.min(axis=0) - SAME_M, points.max(axis=0) + SAME_M
+    def touching(self, points: np.ndarray, distance_m: float = SAME_M) -> np.ndarray:
+        """Return the indices, in ascending order, of the boxes closer than a distance to the box of points (V, 3), along each axis."""
+        low, high = points.min(axis=0) - distance_m, points.max(axis=0) + distance_m
         found = np.sort(self.tree.query(shapely.box(*low[:2], *high[:2])))
         return found[(self.high[found, 2] >= low[2]) & (self.low[found, 2] <= high[2])]
 
 
 def _parts(region: _Region, smallest_m: float) -> list[_Region]:
-    return [
-        _Region(shape, region.origin, region.axes, region.normal, region.surface, region.outward)
-        for shape in _areas(region.polygon)
-        if shape.area > smallest_m**2
-    ]
+    return [replace(region, polygon=shape) for shape in _areas(region.polygon) if shape.area > smallest_m**2]
 
 
 class _Side(NamedTuple):
@@ -297,7 +292,7 @@ class _Wedge(NamedTuple):
 
 def _borders(regions: list[_Region]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return the ends (S, 3), (S, 3) of all straight border pieces, the unit direction (S, 3) into their face, and the face (S,)."""
-    begin, end, inward, owner = [], [], [], []
+    begin, end, inward, owner = [np.zeros((0, 3))], [np.zeros((0, 3))], [np.zeros((0, 3))], []
     for i, region in enumerate(regions):
         shape = shapely.orient_polygons(region.polygon)
         for ring in (shape.exterior, *shape.interiors):
@@ -310,9 +305,7 @@ def _borders(regions: list[_Region]) -> tuple[np.ndarray, np.ndarray, np.ndarray
             end.append(space[1:][keep])
             inward.append(np.cross(region.normal, way[keep] / size[keep, None]))  # exterior counter-clockwise, holes clockwise
             owner += [i] * int(keep.sum())
-    if not owner:
-        return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, int)
-    return np.concatenate(begin), np.concatenate(end), np.concatenate(inward), np.array(owner)
+    return np.concatenate(begin), np.concatenate(end), np.concatenate(inward), np.array(owner, int)
 
 
 def _wedges(regions: list[_Region]) -> list[_Wedge]:
@@ -320,7 +313,7 @@ def _wedges(regions: list[_Region]) -> list[_Wedge]:
     normals = np.array([r.normal for r in regions]).reshape(-1, 3)
     offsets = np.array([r.normal @ r.origin for r in regions])
     pieces = _Boxes.of(np.stack([begin, end], axis=1))
-    areas = _Boxes.of([region.to_space(shapely.get_coordinates(region.polygon)) for region in regions])
+    areas = _Boxes.of([region.corners() for region in regions])
     wedges: list[_Wedge] = []
 
     @cache
@@ -404,7 +397,7 @@ def _packed(regions: list[_Region], wedges: list[_Wedge]) -> Faces:
     triangles: list[np.ndarray] = []
     first, hulls = [0], []
     for region in regions:
-        vertices, faces = _triangulated(region.polygon)
+        vertices, faces = trimesh.creation.triangulate_polygon(region.polygon, engine="earcut")
         corners = np.asarray(vertices)[faces]
         one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         area = one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]
@@ -417,6 +410,9 @@ def _packed(regions: list[_Region], wedges: list[_Wedge]) -> Faces:
     for i, hull in enumerate(hulls):
         outline[i, : len(hull)] = hull
     normal = np.array([r.normal for r in regions]).reshape(-1, 3)
+    shapes = {"start": (3,), "along": (3,), "length": (), "into": (3,), "up": (3,), "opening": (), "sides": (2,)}
+    kinds = {name: int if name == "sides" else float for name in shapes}
+    edges = {name: np.array([getattr(w, name) for w in wedges], kinds[name]).reshape(-1, *shape) for name, shape in shapes.items()}
     return Faces(
         normal=normal,
         offset=np.array([r.normal @ r.origin for r in regions]),
@@ -425,15 +421,5 @@ def _packed(regions: list[_Region], wedges: list[_Wedge]) -> Faces:
         first=np.array(first),
         outline=outline,
         corners=np.array([len(hull) for hull in hulls], int),
-        start=np.array([w.start for w in wedges]).reshape(-1, 3),
-        along=np.array([w.along for w in wedges]).reshape(-1, 3),
-        length=np.array([w.length for w in wedges]),
-        into=np.array([w.into for w in wedges]).reshape(-1, 3),
-        up=np.array([w.up for w in wedges]).reshape(-1, 3),
-        opening=np.array([w.opening for w in wedges]),
-        sides=np.array([w.sides for w in wedges], int).reshape(-1, 2),
+        **edges,
     )
-
-
-def _triangulated(polygon: Polygon) -> tuple[Any, Any]:
-    return trimesh.creation.triangulate_polygon(polygon, engine="earcut")

@@ -18,10 +18,10 @@ from typing import NamedTuple
 import numpy as np
 
 from radartwin.compiled import compiled, fixed, innermost
-from radartwin.simulation.flat.crossing import cross_panes
+from radartwin.simulation.flat.crossing import at_face, cross_panes, looked_up
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
-from radartwin.simulation.flat.vectors import cross, distance, dot, moved, norm, toward, vector
+from radartwin.simulation.flat.vectors import ZERO, beside_line, cross, distance, dot, moved, norm, put, toward, transverse, vector
 from radartwin.simulation.flat.wedge import coefficients, face_terms, half_plane
 
 GRAZING_M = 1e-9  # a point closer to a plane than this is on it
@@ -55,6 +55,28 @@ class Tables(NamedTuple):
     def of(*values: np.ndarray) -> "Tables":
         """Return tables whose arrays are contiguous and read-only."""
         return Tables(*map(fixed, values))
+
+
+class Walls(NamedTuple):
+    """Hold the P faces of a room, what blocks, the coefficients of its S surfaces, and upper bounds of these coefficients.
+
+    Attributes:
+        centre, radius: (P, 3), (P,) a ball around each face. tree: all triangles that block. opaque: (S,) bool.
+        tables: of the surfaces. wavenumber: rad/m.
+        through: (S,) largest transmission coefficient of each surface. loudness: (P,) largest reflection coefficient of each face.
+        envelope: (P, C) largest reflection coefficient of each face over all angles at least as steep as each of C cosines.
+    """
+
+    faces: Faces
+    centre: np.ndarray
+    radius: np.ndarray
+    tree: Hierarchy
+    opaque: np.ndarray
+    tables: Tables
+    wavenumber: float
+    through: np.ndarray
+    loudness: np.ndarray
+    envelope: np.ndarray
 
 
 class Work(NamedTuple):
@@ -96,14 +118,30 @@ def image(faces: Faces, point: Point, chain: np.ndarray, plane: float) -> Vector
     """Return the image of a point in the faces of a chain, in this order. plane=0: the image of a direction."""
     x = point[0], point[1], point[2]
     for i in range(len(chain)):
-        normal = vector(faces.normal, chain[i])
-        x = moved(x, normal, -2 * (dot(x, normal) - plane * faces.offset[chain[i]]))
+        x = mirrored(faces, chain[i], x, plane)
     return x
 
 
 @innermost
-def contains(faces: Faces, p: int, x: float, y: float, z: float, margin: float = 0.0) -> bool:
+def mirrored(faces: Faces, p: int, x: Point, plane: float) -> Vector:
+    """Return the image of a point in face `p`. plane=0: the image of a direction."""
+    normal = vector(faces.normal, p)
+    return moved(x, normal, -2 * (dot(x, normal) - plane * faces.offset[p]))
+
+
+@innermost
+def images_of(faces: Faces, source: Point, chain: np.ndarray, out: np.ndarray) -> None:
+    """Write the images of a source in the first, in the first two, ... faces of a chain to the rows of `out`."""
+    at = source[0], source[1], source[2]
+    for i in range(len(chain)):
+        at = mirrored(faces, chain[i], at, 1.0)
+        put(out, i, at)
+
+
+@innermost
+def contains(faces: Faces, p: int, point: Point, margin: float = 0.0) -> bool:
     """Return whether a point of the plane of face `p` lies in one of the face's triangles or within a margin of it."""
+    x, y, z = point[0], point[1], point[2]
     for t in range(faces.first[p], faces.first[p + 1]):
         inside = True
         for i in range(3):
@@ -126,30 +164,23 @@ def reflect_points(faces: Faces, source: Point, chain: np.ndarray, end: Point, p
 
     With a margin, the path counts as existing if it exists after its ends move by less than the margin.
     """
-    x, y, z = source[0], source[1], source[2]
-    for i in range(len(chain)):  # `points` holds the images of the source first
-        p = chain[i]
-        nx, ny, nz = faces.normal[p, 0], faces.normal[p, 1], faces.normal[p, 2]
-        twice = 2 * (x * nx + y * ny + z * nz - faces.offset[p])
-        x, y, z = x - twice * nx, y - twice * ny, z - twice * nz
-        points[i, 0], points[i, 1], points[i, 2] = x, y, z
-    x, y, z = end[0], end[1], end[2]
+    images_of(faces, source, chain, points)
+    at = end[0], end[1], end[2]
     for i in range(len(chain) - 1, -1, -1):
-        p = chain[i]
-        nx, ny, nz = faces.normal[p, 0], faces.normal[p, 1], faces.normal[p, 2]
-        above = x * nx + y * ny + z * nz - faces.offset[p]
-        below = points[i, 0] * nx + points[i, 1] * ny + points[i, 2] * nz - faces.offset[p]
+        p, behind = chain[i], vector(points, i)
+        above = dot(at, vector(faces.normal, p)) - faces.offset[p]
+        below = dot(behind, vector(faces.normal, p)) - faces.offset[p]
         lower = min(abs(above), abs(below))
         if (above * below >= 0 or lower < GRAZING_M) and lower >= margin:
             return False
         heights = max(abs(above) + abs(below), 1e-12)
         share, reach = abs(above) / heights, 0.0
         if margin > 0:  # at grazing incidence, the point of reflection moves farther than the ends
-            reach = margin * (1 + distance((x, y, z), vector(points, i)) / max(heights, margin))
-        x, y, z = x + share * (points[i, 0] - x), y + share * (points[i, 1] - y), z + share * (points[i, 2] - z)
-        if not contains(faces, p, x, y, z, reach):
+            reach = margin * (1 + distance(at, behind) / max(heights, margin))
+        at = moved(at, toward(at, behind, 1.0), share)
+        if not contains(faces, p, at, reach):
             return False
-        points[i, 0], points[i, 1], points[i, 2] = x, y, z
+        put(points, i, at)
     return True
 
 
@@ -191,24 +222,6 @@ def panes_on(tree: Hierarchy, opaque: np.ndarray, start: Point, points: np.ndarr
 
 
 @innermost
-def transverse(axis: Point, direction: Point) -> Vector:
-    """Return the normalised component of an axis perpendicular to a direction; for a parallel direction, a fixed perpendicular."""
-    across = moved(axis, direction, -dot(axis, direction))
-    if norm(across) < 1e-6:
-        across = cross(axis, (0.6, 0.0, 0.8) if abs(axis[2]) < 0.9 else (0.8, 0.6, 0.0))
-    size = norm(across)
-    return across[0] / size, across[1] / size, across[2] / size
-
-
-@innermost
-def looked_up(values: np.ndarray, surface: int, cosine: float, q: int) -> complex:
-    """Return a coefficient of a table (surfaces, C, Q), interpolated linearly in the cosine of incidence."""
-    x = min(max(cosine, 0.0), 1.0) * (values.shape[1] - 1)
-    low = min(int(x), values.shape[1] - 2)
-    return values[surface, low, q] * (1 - x + low) + values[surface, low + 1, q] * (x - low)
-
-
-@innermost
 def polarised(field: np.ndarray, unit: Point) -> None:
     """Set a field (Q, 3) to a unit vector."""
     for q in range(len(field)):
@@ -217,56 +230,41 @@ def polarised(field: np.ndarray, unit: Point) -> None:
 
 
 @innermost
-def reflected(faces: Faces, te: np.ndarray, tm: np.ndarray, field: np.ndarray, direction: Point, chain: np.ndarray) -> Vector:
+def reflected(faces: Faces, tables: Tables, field: np.ndarray, direction: Point, chain: np.ndarray) -> Vector:
     """Reflect a field (Q, 3) at the faces of a chain in place; returns the direction after the reflections."""
     way = direction[0], direction[1], direction[2]
     for i in range(len(chain)):
-        normal, surface = vector(faces.normal, chain[i]), faces.surface[chain[i]]
-        cosine = dot(way, normal)
-        after = moved(way, normal, -2 * cosine)
-        s = cross(way, normal)
-        if norm(s) < 1e-7:
-            s = cross(normal, (1.0, 0.0, 0.0) if abs(normal[0]) < 0.9 else (0.0, 1.0, 0.0))
-        size = norm(s)
-        s = s[0] / size, s[1] / size, s[2] / size
-        before_p, after_p = cross(way, s), cross(after, s)
-        for q in range(len(field)):
-            along_s = (field[q, 0] * s[0] + field[q, 1] * s[1] + field[q, 2] * s[2]) * looked_up(te, surface, abs(cosine), q)
-            along_p = field[q, 0] * before_p[0] + field[q, 1] * before_p[1] + field[q, 2] * before_p[2]
-            along_p *= looked_up(tm, surface, abs(cosine), q)
-            for k in range(3):
-                field[q, k] = along_s * s[k] + along_p * after_p[k]
+        after = mirrored(faces, chain[i], way, 0.0)
+        at_face(tables.te, tables.tm, faces.surface[chain[i]], vector(faces.normal, chain[i]), way, after, field)
         way = after
     return way
 
 
 @innermost
 def travelled(
-    faces: Faces, tree: Hierarchy, opaque: np.ndarray, tables: Tables, field: np.ndarray, direction: Point, chain: np.ndarray,
-    start: Point, points: np.ndarray, end: Point, found: np.ndarray,
-) -> None:  # fmt: skip
+    walls: Walls, field: np.ndarray, direction: Point, chain: np.ndarray, start: Point, points: np.ndarray, end: Point, found: np.ndarray
+) -> None:
     """Apply to a field (Q, 3), in place, the reflections of a chain and the panes between `start`, the points of reflection and `end`.
 
     Args:
         points: (len(chain), 3) points of reflection, in the order of the path.
         found: (MAX_PANES,) memory.
     """
-    m = len(chain)
+    m, tables = len(chain), walls.tables
     at, way = (start[0], start[1], start[2]), (direction[0], direction[1], direction[2])
     for i in range(m + 1):
         to = vector(points, i) if i < m else (end[0], end[1], end[2])
-        cross_panes(tree, tables.through_te, tables.through_tm, at, to, found, max(crossed(tree, at, to, opaque, found), 0), field)
+        panes = max(crossed(walls.tree, at, to, walls.opaque, found), 0)
+        cross_panes(walls.tree, tables.through_te, tables.through_tm, at, to, found, panes, field)
         if i < m:
-            way = reflected(faces, tables.te, tables.tm, field, way, chain[i : i + 1])
+            way = reflected(walls.faces, tables, field, way, chain[i : i + 1])
         at = to
 
 
 @innermost
-def angle(faces: Faces, e: int, x: float, y: float, z: float) -> float:
+def angle(faces: Faces, e: int, direction: Point) -> float:
     """Return the angle of a direction about edge `e`, from face 0 through the open sector, in [0, 2 pi)."""
-    along_up = x * faces.up[e, 0] + y * faces.up[e, 1] + z * faces.up[e, 2]
-    along_into = x * faces.into[e, 0] + y * faces.into[e, 1] + z * faces.into[e, 2]
-    value = math.atan2(along_up, along_into)
+    value = math.atan2(dot(direction, vector(faces.up, e)), dot(direction, vector(faces.into, e)))
     return value if value >= -1e-9 else value + 2 * math.pi
 
 
@@ -276,7 +274,7 @@ def open_angle(faces: Faces, e: int, direction: Vector, slack: float = 0.0) -> f
 
     slack: by which the direction can turn, rad; a direction that can leave the face is turned as far as possible.
     """
-    value, last = angle(faces, e, direction[0], direction[1], direction[2]), faces.opening[e] * math.pi
+    value, last = angle(faces, e, direction), faces.opening[e] * math.pi
     if value <= last:
         return value
     inside, other = value - last, 2 * math.pi - value
@@ -289,14 +287,7 @@ def open_angle(faces: Faces, e: int, direction: Vector, slack: float = 0.0) -> f
 @innermost
 def keller(start: Point, along: Point, source: Point, receiver: Point) -> float:
     """Return the place in metres along a line where the path from source over the line to receiver is shortest."""
-    z_s, z_r = 0.0, 0.0
-    for k in range(3):
-        z_s += (source[k] - start[k]) * along[k]
-        z_r += (receiver[k] - start[k]) * along[k]
-    h_s, h_r = 0.0, 0.0
-    for k in range(3):
-        h_s += (source[k] - start[k] - z_s * along[k]) ** 2
-        h_r += (receiver[k] - start[k] - z_r * along[k]) ** 2
+    z_s, z_r, h_s, h_r = beside_line(start, along, source, receiver)
     h_s, h_r = math.sqrt(h_s), math.sqrt(h_r)
     return (z_s * h_r + z_r * h_s) / max(h_s + h_r, 1e-12)
 
@@ -358,7 +349,7 @@ def ends_weight(faces: Faces, e: int, x: Point, source: Point, receiver: Point, 
 
 @innermost
 def face_matrix(
-    te: np.ndarray, tm: np.ndarray, surface: int, q: int, phi: float, phi0: float, sine: float, cosine: float
+    tables: Tables, surface: int, q: int, phi: float, phi0: float, sine: float, cosine: float
 ) -> tuple[complex, complex, complex]:
     """Return the elements ss, sh = -hs and hh of a face's reflection matrix in the soft and hard directions of its edge.
 
@@ -372,7 +363,7 @@ def face_matrix(
     """
     middle = 0.5 * (phi0 + math.pi - phi)
     incidence = abs(math.sin(middle)) * sine
-    r_te, r_tm = looked_up(te, surface, incidence, q), looked_up(tm, surface, incidence, q)
+    r_te, r_tm = looked_up(tables.te, surface, incidence, q), looked_up(tables.tm, surface, incidence, q)
     size = math.sqrt(cosine * cosine + (sine * math.cos(middle)) ** 2)
     if size < 1e-9:
         return r_te, 0j, r_tm
@@ -409,18 +400,15 @@ def passing_matrix(
         if size < 1e-9:
             soft, hard, size = 0.0, 1.0, 1.0
         soft, hard = soft / size, hard / size
-        across, within, mixed = (
-            t_te * hard * hard + t_tm * soft * soft,
-            t_te * soft * soft + t_tm * hard * hard,
-            (t_tm - t_te) * soft * hard,
-        )
+        across, within = t_te * hard * hard + t_tm * soft * soft, t_te * soft * soft + t_tm * hard * hard
+        mixed = (t_tm - t_te) * soft * hard
         ss, sh, hs, hh = across * ss + mixed * hs, across * sh + mixed * hh, mixed * ss + within * hs, mixed * sh + within * hh
     return ss, sh, hs, hh
 
 
 @innermost
 def doubled_matrix(
-    faces: Faces, te: np.ndarray, tm: np.ndarray, e: int, q: int, phi: float, phi0: float, sine: float, cosine: float
+    faces: Faces, tables: Tables, e: int, q: int, phi: float, phi0: float, sine: float, cosine: float
 ) -> tuple[complex, complex, complex, complex]:
     """Return the elements ss, sh, hs and hh of the matrix of the reflection at both faces of the inner corner `e`, as in `face_matrix`.
 
@@ -430,8 +418,8 @@ def doubled_matrix(
     over, forward = faces.opening[e] * math.pi, (phi > phi0) == (faces.opening[e] > 0.5)  # forward: face 0 is the first face
     first, second, along = (0, 1, cosine) if forward else (1, 0, -cosine)
     at, left = (phi0, over - phi) if forward else (over - phi0, phi)
-    ss1, sh1, hh1 = face_matrix(te, tm, faces.surface[faces.sides[e, first]], q, math.pi - at, at, sine, along)
-    ss2, sh2, hh2 = face_matrix(te, tm, faces.surface[faces.sides[e, second]], q, left, math.pi - left, sine, -along)
+    ss1, sh1, hh1 = face_matrix(tables, faces.surface[faces.sides[e, first]], q, math.pi - at, at, sine, along)
+    ss2, sh2, hh2 = face_matrix(tables, faces.surface[faces.sides[e, second]], q, left, math.pi - left, sine, -along)
     return ss2 * ss1 - sh2 * sh1, ss2 * sh1 + sh2 * hh1, -sh2 * ss1 - hh2 * sh1, hh2 * hh1 - sh2 * sh1
 
 
@@ -458,12 +446,12 @@ def edge_terms(
     sine = math.sqrt(max(math.sqrt(max((1 - cosine * cosine) * (1 - cosine_after * cosine_after), 0.0)), SMALL_SINE * SMALL_SINE))
     n = faces.opening[e]
     shadow, mirror_0, mirror_n, slope, bend = coefficients(phi, phi0, n, wavenumber, sine, distance_m * sine * sine)
-    te, tm, q = tables.te, tables.tm, tables.te.shape[2] // 2
+    q = tables.te.shape[2] // 2
     ss, sh, hs, hh = passing_matrix(faces, tables, e, q, phi, phi0, sine, cosine)
     lost = 1 - ss, -sh, -hs, 1 - hh
-    jump = doubled_matrix(faces, te, tm, e, q, phi, phi0, sine, cosine) if n < 1 else lost
-    ss0, sh0, hh0 = face_matrix(te, tm, faces.surface[faces.sides[e, 0]], q, phi, phi0, sine, cosine)
-    ssn, shn, hhn = face_matrix(te, tm, faces.surface[faces.sides[e, 1]], q, n * math.pi - phi, n * math.pi - phi0, sine, -cosine)
+    jump = doubled_matrix(faces, tables, e, q, phi, phi0, sine, cosine) if n < 1 else lost
+    ss0, sh0, hh0 = face_matrix(tables, faces.surface[faces.sides[e, 0]], q, phi, phi0, sine, cosine)
+    ssn, shn, hhn = face_matrix(tables, faces.surface[faces.sides[e, 1]], q, n * math.pi - phi, n * math.pi - phi0, sine, -cosine)
     weight = weights[0]
     # physical optics of the lit faces, whose waves of the ends belong in part to other edges
     kl = wavenumber * distance_m * sine * sine
@@ -487,12 +475,12 @@ def soft_and_hard(along: Point, direction: Point) -> tuple[Vector, Vector]:
     """Return the soft and the hard direction of a ray at an edge: in the plane of ray and edge, and across this plane."""
     cosine = dot(along, direction)
     sine = math.sqrt(max(1 - cosine * cosine, SMALL_SINE * SMALL_SINE))
-    soft = toward(moved((0.0, 0.0, 0.0), direction, cosine), along, sine)
+    soft = toward(moved(ZERO, direction, cosine), along, sine)
     return soft, cross(soft, direction)
 
 
 @innermost
-def edge_point(faces: Faces, e: int, place: float) -> tuple[float, float, float]:
+def edge_point(faces: Faces, e: int, place: float) -> Vector:
     """Return the point of edge `e` at `place` metres, or the nearest point of the edge, moved by OUTSIDE_M towards the middle of the open
     sector.
 
@@ -500,25 +488,34 @@ def edge_point(faces: Faces, e: int, place: float) -> tuple[float, float, float]
     """
     half = 0.5 * math.pi * faces.opening[e]
     z = min(max(place, INSIDE_M), faces.length[e] - INSIDE_M)
-    into, up = OUTSIDE_M * math.cos(half), OUTSIDE_M * math.sin(half)
-    return (
-        faces.start[e, 0] + z * faces.along[e, 0] + into * faces.into[e, 0] + up * faces.up[e, 0],
-        faces.start[e, 1] + z * faces.along[e, 1] + into * faces.into[e, 1] + up * faces.up[e, 1],
-        faces.start[e, 2] + z * faces.along[e, 2] + into * faces.into[e, 2] + up * faces.up[e, 2],
-    )
+    x = moved(vector(faces.start, e), vector(faces.along, e), z)
+    return moved(moved(x, vector(faces.into, e), OUTSIDE_M * math.cos(half)), vector(faces.up, e), OUTSIDE_M * math.sin(half))
 
 
 @compiled
-def evaluate(
-    begin: int, stop: int, faces: Faces, tree: Hierarchy, opaque: np.ndarray, tables: Tables, wavenumber: float,
-    nudge: np.ndarray, count: np.ndarray, chain: np.ndarray, edge: np.ndarray, pose: np.ndarray, which: np.ndarray, sensor: np.ndarray,
-    axis: np.ndarray, least: np.ndarray, margin: float, amplitude: np.ndarray, length: np.ndarray, departure: np.ndarray,
-    arrival: np.ndarray, met: np.ndarray,
+def evaluate(begin, stop, faces_of, nodes, *arguments) -> None:
+    """Compute the paths `begin` to `stop` - 1 of N pairs of a pose and a sequence of at most `faces_of` faces, at `nodes` frequencies. The
+    loop of `_evaluate`, to which the other arguments go, creates no arrays, so that it counts no references.
+    """
+    path = Work(
+        np.empty((4, 3)), np.empty((4, 3)), np.empty((3, faces_of), np.int64), np.empty(3, np.int64), np.empty((3, faces_of + 1, 3)),
+        np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3), np.empty((3, 3)), np.empty((2, 3, 2, 2), np.complex128),
+        np.empty(2, np.complex128), np.empty((2, nodes, 3), np.complex128), np.empty(nodes, np.complex128),
+        np.empty(faces_of, np.int64), np.empty(MAX_PANES, np.int64),
+    )  # fmt: skip
+    _evaluate(path, begin, stop, *arguments)
+
+
+@innermost
+def _evaluate(
+    path: Work, begin: int, stop: int, walls: Walls, nudge: np.ndarray, count: np.ndarray, chain: np.ndarray, edge: np.ndarray,
+    pose: np.ndarray, which: np.ndarray, sensor: np.ndarray, axis: np.ndarray, least: np.ndarray, margin: float, amplitude: np.ndarray,
+    length: np.ndarray, departure: np.ndarray, arrival: np.ndarray, met: np.ndarray,
 ) -> None:  # fmt: skip
-    """Compute the paths `begin` to `stop` - 1 of N pairs of a pose and a sequence.
+    """Compute the paths of `evaluate`.
 
     Args:
-        opaque: (surfaces,) bool. tables: of the surfaces.
+        path: memory of one path.
         nudge: (F, 3) offset of the source, and half the offset of the receiver, for tests of existence and for angles. Without the offset,
             a sensor exactly in the plane of a face or exactly opposite a corner would lie on both sides of it.
         count: (K, 3) reflections before, between and after the edges. chain: (K, C) faces. edge: (K, 2) edges or -1.
@@ -528,41 +525,21 @@ def evaluate(
             the field is below `least`.
         met: (N, V, 3) receives the points of reflection and diffraction in their order; the array must hold nan.
     """
-    faces_of, nodes = chain.shape[1], tables.te.shape[2]
-    path = Work(
-        np.empty((4, 3)), np.empty((4, 3)), np.empty((3, faces_of), np.int64), np.empty(3, np.int64), np.empty((3, faces_of + 1, 3)),
-        np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3), np.empty((3, 3)), np.empty((2, 3, 2, 2), np.complex128),
-        np.empty(2, np.complex128), np.empty((2, nodes, 3), np.complex128), np.empty(nodes, np.complex128),
-        np.empty(faces_of, np.int64), np.empty(MAX_PANES, np.int64),
-    )  # fmt: skip
-    # the loop creates no arrays, so that it counts no references
-    _evaluate(
-        begin, stop, faces, tree, opaque, tables, wavenumber, nudge, count, chain, edge, pose, which, sensor, axis, least, margin,
-        amplitude, length, departure, arrival, met, path,
-    )  # fmt: skip
-
-
-@innermost
-def _evaluate(
-    begin, stop, faces, tree, opaque, tables, wavenumber, nudge, count, chain, edge, pose, which, sensor, axis, least, margin,
-    amplitude, length, departure, arrival, met, path,
-):  # fmt: skip
-    """Compute the paths of `evaluate` in the memory of one path."""
-    field, level = path.field[0], path.level
+    faces, wavenumber, field, level = walls.faces, walls.wavenumber, path.field[0], path.level
     for n in range(begin, stop):
         s = which[n]
         place, antenna = vector(sensor, pose[n]), vector(axis, pose[n])
         edges = int(edge[s, 0] >= 0) + int(edge[s, 1] >= 0)
         _divide(count[s], chain[s], edges, path)
         source, receiver = moved(place, vector(nudge, pose[n]), 1.0), moved(place, vector(nudge, pose[n]), 2.0)
-        _set(path.touched, 0, source)
-        _set(path.touched, edges + 1, receiver)
-        _set(path.node, 0, source if edges else place)
-        _set(path.node, edges + 1, receiver if edges else place)
+        put(path.touched, 0, source)
+        put(path.touched, edges + 1, receiver)
+        put(path.node, 0, source if edges else place)
+        put(path.node, edges + 1, receiver if edges else place)
         _diffraction_points(faces, edge[s], edges, wavenumber, path)
         if not _legs(faces, edge[s], edges, wavenumber, margin, path):
             continue
-        factor = _edges(faces, tables, edge[s], edges, wavenumber, margin, least[pose[n]], path)
+        factor = _edges(walls, edge[s], edges, margin, least[pose[n]], path)
         if factor == 0:
             continue
         twice = edges == 0 and reversed_at_corners(path.chain[0, : path.count[0]], path.points[0], CORNER / wavenumber, path.other_order)
@@ -570,7 +547,7 @@ def _evaluate(
             factor *= 0.5
         back = vector(path.arrive, edges)
         # the test of visibility is expensive, so that weak paths are left out before it
-        _carry(faces, tree, opaque, tables, edge[s], edges, antenna, twice, False, path)
+        _carry(walls, edge[s], edges, antenna, twice, False, path)
         if _received(field, transverse(antenna, back), factor, level) < least[pose[n]]:
             length[n, 0] = WEAK
             continue
@@ -579,12 +556,12 @@ def _evaluate(
             if panes >= 0:
                 shift = vector(path.beside, i)
                 here, there = moved(vector(path.touched, i), shift, 1.0), moved(vector(path.touched, i + 1), shift, 1.0)
-                more = panes_on(tree, opaque, here, path.points[i], path.count[i], there, path.found)
+                more = panes_on(walls.tree, walls.opaque, here, path.points[i], path.count[i], there, path.found)
                 panes = panes + more if more >= 0 else -1
         if panes < 0:
             continue
         if panes:
-            _carry(faces, tree, opaque, tables, edge[s], edges, antenna, twice, True, path)
+            _carry(walls, edge[s], edges, antenna, twice, True, path)
             _received(field, transverse(antenna, back), factor, level)
         for q in range(len(level)):
             amplitude[n, q] = level[q]
@@ -594,14 +571,8 @@ def _evaluate(
             length[n, 0] = distance(image(faces, place, path.chain[0, : path.count[0]], 1.0), vector(path.node, 1))
             length[n, 1] = path.size[1] if edges == 2 else 0.0
             length[n, 2] = distance(vector(path.node, edges), image(faces, place, path.chain[edges, : path.count[edges]][::-1], 1.0))
-        for k in range(3):
-            departure[n, k], arrival[n, k] = path.leave[0, k], -back[k]
-
-
-@innermost
-def _set(values: np.ndarray, i: int, x: Vector) -> None:
-    """Write a point to row `i` of an array (N, 3)."""
-    values[i, 0], values[i, 1], values[i, 2] = x
+        put(departure, n, vector(path.leave, 0))
+        put(arrival, n, moved(ZERO, back, -1.0))
 
 
 @innermost
@@ -648,8 +619,8 @@ def _diffraction_points(faces: Faces, edge: np.ndarray, edges: int, wavenumber: 
                 break
         places = place1, place2
     for i in range(edges):
-        _set(path.node, i + 1, moved(vector(faces.start, edge[i]), vector(faces.along, edge[i]), places[i]))
-        _set(path.touched, i + 1, edge_point(faces, edge[i], places[i]))
+        put(path.node, i + 1, moved(vector(faces.start, edge[i]), vector(faces.along, edge[i]), places[i]))
+        put(path.touched, i + 1, edge_point(faces, edge[i], places[i]))
 
 
 @innermost
@@ -662,14 +633,14 @@ def _legs(faces: Faces, edge: np.ndarray, edges: int, wavenumber: float, margin:
         if path.size[i] < 1e-6:  # as after four reflections in a corner of 90 degrees, which map the sensor to itself
             return False
         way = toward(start, end, path.size[i])
-        _set(path.leave, i, way)
-        _set(path.arrive, i, image(faces, way, chain, 0.0))
+        put(path.leave, i, way)
+        put(path.arrive, i, image(faces, way, chain, 0.0))
         if 0 < i < edges:
             cosine1, cosine2 = dot(way, vector(faces.along, edge[i - 1])), dot(vector(path.arrive, i), vector(faces.along, edge[i]))
             if path.size[i] * math.sqrt(max(1 - max(cosine1 * cosine1, cosine2 * cosine2), 0.0)) < APART / wavenumber:
                 return False
         path.share[i] = 1.0
-        _set(path.beside, i, (0.0, 0.0, 0.0))
+        put(path.beside, i, (0.0, 0.0, 0.0))
         here, there = vector(path.touched, i), vector(path.touched, i + 1)
         p = grazed_face(faces, edge[i - 1], edge[i], chain, way) if 0 < i < edges else -1
         if p >= 0:
@@ -681,7 +652,7 @@ def _legs(faces: Faces, edge: np.ndarray, edges: int, wavenumber: float, margin:
                 open_side = shift[0] != 0 or shift[1] != 0 or shift[2] != 0
                 if open_side and reflect_points(faces, moved(here, shift, 1.0), chain, moved(there, shift, 1.0), path.points[i], margin):
                     path.share[i] += 0.5
-                    _set(path.beside, i, shift)
+                    put(path.beside, i, shift)
             here, there = moved(here, vector(path.beside, i), 1.0), moved(there, vector(path.beside, i), 1.0)
         if path.share[i] == 0 or not reflect_points(faces, here, chain, there, path.points[i], margin):
             return False
@@ -689,14 +660,13 @@ def _legs(faces: Faces, edge: np.ndarray, edges: int, wavenumber: float, margin:
 
 
 @innermost
-def _edges(
-    faces: Faces, tables: Tables, edge: np.ndarray, edges: int, wavenumber: float, margin: float, least: float, path: Work
-) -> complex:
+def _edges(walls: Walls, edge: np.ndarray, edges: int, margin: float, least: float, path: Work) -> complex:
     """Write the diffraction matrices and the factors of the slope terms of a path; return its spreading times the weights of its edges.
 
     The function returns 0 if the path has no field, or if the wave from its first edge is too weak for a field of at least `least` behind
     the second edge.
     """
+    faces, wavenumber = walls.faces, walls.wavenumber
     # radii of curvature of the wave: across the previous edge, and in the plane of this edge and the ray
     across, within = path.size[0], path.size[0]
     factor = 1 / path.size[0] + 0j
@@ -704,10 +674,8 @@ def _edges(
         e, line, x = edge[i], vector(faces.along, edge[i]), vector(path.node, i + 1)
         before, after, s = vector(path.arrive, i), vector(path.leave, i + 1), path.size[i + 1]
         # angles about the edge; a ray that grazes a face has the angle of the side on which it runs
-        in_way, out_way = (
-            moved(before, vector(path.beside, i), -TILT_RAD / OUTSIDE_M),
-            moved(after, vector(path.beside, i + 1), TILT_RAD / OUTSIDE_M),
-        )
+        in_way = moved(before, vector(path.beside, i), -TILT_RAD / OUTSIDE_M)
+        out_way = moved(after, vector(path.beside, i + 1), TILT_RAD / OUTSIDE_M)
         # the margin turns the directions by at most this angle times metres
         turned = 0.5 * math.pi * margin / math.sqrt(max(1 - dot(line, before) ** 2, SMALL_SINE * SMALL_SINE))
         phi0 = open_angle(faces, e, (-in_way[0], -in_way[1], -in_way[2]), min(turned / path.size[i], 0.5 * math.pi))
@@ -731,7 +699,7 @@ def _edges(
             path.bend[i] = gradient / (1j * wavenumber * math.sqrt(max(1 - dot(line, before) ** 2, SMALL_SINE * SMALL_SINE)))
             factor *= path.share[i]
         parameter = s * (rho + s) * across * within / (rho * (across + s) * (within + s))
-        edge_terms(faces, tables, e, in_way, out_way, parameter, wavenumber, weights, phi0, phi, path.matrix[i])
+        edge_terms(faces, walls.tables, e, in_way, out_way, parameter, wavenumber, weights, phi0, phi, path.matrix[i])
         if i + 1 < edges:  # leave out the path if its field would be too weak even without the second edge
             rest, first = s + path.size[2], path.matrix[i]
             largest = max(abs(first[0, 0, 0]), abs(first[0, 0, 1]), abs(first[0, 1, 0]), abs(first[0, 1, 1]))
@@ -745,10 +713,7 @@ def _edges(
 
 
 @innermost
-def _carry(
-    faces: Faces, tree: Hierarchy, opaque: np.ndarray, tables: Tables, edge: np.ndarray, edges: int, antenna: Point, twice: bool,
-    through: bool, path: Work,
-) -> None:  # fmt: skip
+def _carry(walls: Walls, edge: np.ndarray, edges: int, antenna: Point, twice: bool, through: bool, path: Work) -> None:
     """Carry the field (Q, 3) of the source to the end of a path. Spreading is not part of the field.
 
     Args:
@@ -759,14 +724,14 @@ def _carry(
     polarised(field, transverse(antenna, vector(path.leave, 0)))
     if twice:
         polarised(slope, transverse(antenna, vector(path.leave, 0)))
-        _over_leg(faces, tree, opaque, tables, path.other_order[: path.count[0]], 0, through, path, slope)
+        _over_leg(walls, path.other_order[: path.count[0]], 0, through, path, slope)
     for i in range(edges + 1):
-        _over_leg(faces, tree, opaque, tables, path.chain[i, : path.count[i]], i, through, path, field)
+        _over_leg(walls, path.chain[i, : path.count[i]], i, through, path, field)
         if i > 0 and edges == 2:
-            _over_leg(faces, tree, opaque, tables, path.chain[i, : path.count[i]], i, through, path, slope)
+            _over_leg(walls, path.chain[i, : path.count[i]], i, through, path, slope)
         if i == edges:
             break
-        line = vector(faces.along, edge[i])
+        line = vector(walls.faces.along, edge[i])
         enters, leaves = soft_and_hard(line, vector(path.arrive, i)), soft_and_hard(line, vector(path.leave, i + 1))
         # `slope` is the derivative of the field by the angle of the ray behind the previous edge
         if i > 0:
@@ -781,17 +746,14 @@ def _carry(
 
 
 @innermost
-def _over_leg(
-    faces: Faces, tree: Hierarchy, opaque: np.ndarray, tables: Tables, chain: np.ndarray, i: int, through: bool, path: Work,
-    field: np.ndarray,
-) -> None:  # fmt: skip
+def _over_leg(walls: Walls, chain: np.ndarray, i: int, through: bool, path: Work, field: np.ndarray) -> None:
     """Apply to a field (Q, 3), in place, the reflections of leg `i` at the faces of a chain and, if `through`, the panes on this leg."""
     if through:
         shift = vector(path.beside, i)
         start, end = moved(vector(path.touched, i), shift, 1.0), moved(vector(path.touched, i + 1), shift, 1.0)
-        travelled(faces, tree, opaque, tables, field, vector(path.leave, i), chain, start, path.points[i], end, path.found)
+        travelled(walls, field, vector(path.leave, i), chain, start, path.points[i], end, path.found)
     else:
-        reflected(faces, tables.te, tables.tm, field, vector(path.leave, i), chain)
+        reflected(walls.faces, walls.tables, field, vector(path.leave, i), chain)
 
 
 @innermost
@@ -800,10 +762,10 @@ def _met(path: Work, edges: int, out: np.ndarray) -> None:
     row = 0
     for i in range(edges + 1):
         for j in range(path.count[i]):
-            _set(out, row + j, vector(path.points[i], j))
+            put(out, row + j, vector(path.points[i], j))
         row += path.count[i] + 1
         if i < edges:
-            _set(out, row - 1, vector(path.touched, i + 1))
+            put(out, row - 1, vector(path.touched, i + 1))
 
 
 @innermost

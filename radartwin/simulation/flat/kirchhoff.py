@@ -21,7 +21,7 @@ import numpy as np
 
 from radartwin.compiled import innermost
 from radartwin.simulation.flat.obstacles import Point
-from radartwin.simulation.flat.vectors import distance, dot, moved, toward
+from radartwin.simulation.flat.vectors import beside_line, distance, dot, moved, toward
 from radartwin.simulation.flat.wedge import scaled_tail
 
 # Largest Fresnel coordinate, across an edge or along it to its nearer end. An edge beyond it changes a factor by at most 0.04; the edges of
@@ -194,16 +194,8 @@ def _over(start: Point, along: Point, source: Point, receiver: Point) -> tuple[f
     """Return the places of source and receiver along the line of an edge and their squared distances from it, the length of the straight
     path, and the least excess length of a path over the line.
     """
-    z_s, z_r, length = 0.0, 0.0, 0.0
-    for k in range(3):
-        z_s += (source[k] - start[k]) * along[k]
-        z_r += (receiver[k] - start[k]) * along[k]
-        length += (source[k] - receiver[k]) ** 2
-    length = math.sqrt(length)
-    h_s, h_r = 0.0, 0.0
-    for k in range(3):
-        h_s += (source[k] - start[k] - z_s * along[k]) ** 2
-        h_r += (receiver[k] - start[k] - z_r * along[k]) ** 2
+    z_s, z_r, h_s, h_r = beside_line(start, along, source, receiver)
+    length = distance(source, receiver)
     total = math.sqrt(h_s) + math.sqrt(h_r)
     return z_s, z_r, h_s, h_r, length, math.sqrt(total * total + (z_s - z_r) ** 2) - length
 

@@ -15,12 +15,12 @@ import numpy as np
 
 from radartwin.compiled import compiled, each, fixed, innermost, shared_out
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import NUDGE, Tables, contains, image, polarised, transverse, travelled
+from radartwin.simulation.flat.field import NUDGE, Walls, contains, image, images_of, polarised, travelled
 from radartwin.simulation.flat.kirchhoff import REACH, edge_part
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Vector
 from radartwin.simulation.flat.room import FlatRoom, cells
 from radartwin.simulation.flat.shadows import factors, line_of, past_faces
-from radartwin.simulation.flat.vectors import distance, dot, moved, norm, toward, vector
+from radartwin.simulation.flat.vectors import ZERO, distance, dot, moved, put, toward, transverse, vector
 from radartwin.simulation.pruning import EARLY, LEGS, MIRRORED
 from radartwin.simulation.reflection_table import lagrange_basis
 from radartwin.store.recent import Recent
@@ -31,6 +31,7 @@ SEEN = 8  # largest number of places of a cell between which and the faces visib
 LINEAR = 0.03  # a finer grid is used if the field at the object's centre deviates more than this from the mean of the cube's corners
 COARSE = 0.02  # the same limit relative to the undisturbed direct field; the larger limit applies
 GRID_M = 0.05  # spacing of the finer grid
+BESIDE_M = 0.25  # a leg whose mirror point is farther than this from its face has no field
 ABOVE_M = 1e-4  # a leg's field is evaluated at least this far above the last face
 ROUNDED = 0.3  # the centre of the ball about an object may lie this far from the object's own centre, relative to the ball's radius
 UNDISTURBED = 1e-3  # a direct leg whose field changes by at most this needs no weight
@@ -148,11 +149,10 @@ def find(
     direct = np.linalg.norm(centre - sensor, axis=1)
     chains, place, which = _chains(room, sensor, centre, radius, min(LONGEST, longest))
     order = np.count_nonzero(chains >= 0, axis=1)
-    maps = np.array([_map(room.faces, chain[:m]) for chain, m in zip(chains, order, strict=True)])
+    maps = room.maps(chains)
     # the direct leg is first, because its number of reflections is zero
-    first, group = np.unique(np.round(np.column_stack([order, maps.reshape(-1, 12)]), 6), axis=0, return_index=True, return_inverse=True)[
-        1:
-    ]
+    keys = np.round(np.column_stack([order, maps.reshape(-1, 12)]), 6)
+    _, first, group = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     group = group.ravel()
     order_of, mirror, shift = order[first], maps[first][:, :, :3], maps[first][:, :, 3]
     nodes = max(room.table.frequencies_hz, frequencies_hz, key=len)
@@ -173,7 +173,7 @@ def find(
         rows = np.flatnonzero(wanted[code])
         kept, index = np.unique(code[rows], return_inverse=True)
         around = np.ascontiguousarray((centre[:, None] + steps).reshape(-1, 3))
-        _lift(room.faces, room.usable, *room.balls, np.ascontiguousarray(sensor), np.ascontiguousarray(centre), radius, around)
+        _lift(room.walls, room.usable, np.ascontiguousarray(sensor), np.ascontiguousarray(centre), radius, around)
         points = around.reshape(len(centre), -1, 3)[place[rows]].reshape(-1, 3)
         again = np.repeat(rows, len(steps))
         value = room_fields(room, chains, which[again], sensor, axes, place[again], points)
@@ -220,7 +220,8 @@ def _chains(
     rows = []
     for some, mine in zip(members, of_cell, strict=True):
         for place in some:
-            close = room.reaches(chains[mine], sensor[place], centre[place], radius)
+            close = np.ones(len(mine), bool)
+            _near_mirrors(room.walls, chains[mine], sensor[place], centre[place], radius, close)
             rows.append(np.stack([np.full(close.sum(), place), mine[close]]))
     place, which = np.concatenate(rows, axis=1)
     order = np.argsort(place, kind="stable")
@@ -228,23 +229,36 @@ def _chains(
 
 
 @compiled
-def _lift(
-    faces: Faces, usable: np.ndarray, middle: np.ndarray, size: np.ndarray, sensor: np.ndarray, centre: np.ndarray, radius: float,
-    points: np.ndarray,
-) -> None:  # fmt: skip
+def _near_mirrors(walls: Walls, chains: np.ndarray, sensor: np.ndarray, centre: np.ndarray, radius: float, out: np.ndarray) -> None:
+    """Write which sequences of faces (K, C) can carry a line from the sensor to a ball, with a margin of BESIDE_M, to `out` (K,)."""
+    faces, images = walls.faces, np.empty((chains.shape[1], 3))
+    for k in range(len(chains)):
+        m = np.count_nonzero(chains[k] >= 0)
+        images_of(faces, sensor, chains[k, :m], images)
+        target = moved(centre, ZERO, 1.0)
+        for i in range(m - 1, -1, -1):
+            p, behind = chains[k, i], vector(images, i)
+            above = dot(target, faces.normal[p]) - faces.offset[p]
+            below = dot(behind, faces.normal[p]) - faces.offset[p]
+            target = moved(behind, toward(behind, target, 1.0), abs(below) / max(abs(below) + abs(above), 1e-9))
+            if (above * below >= 0 and abs(above) > radius) or distance(target, walls.centre[p]) > walls.radius[p] + radius + BESIDE_M:
+                out[k] = False
+
+
+@compiled
+def _lift(walls: Walls, usable: np.ndarray, sensor: np.ndarray, centre: np.ndarray, radius: float, points: np.ndarray) -> None:
     """Move test points around the object (in place) that lie behind a face near the object to the front of the face. The object cannot be
     behind the face, so the field there is not needed.
 
     The front is the side of the object's centre, or the sensor's side if the centre is close to the face.
 
-    Args:
-        middle, size: balls around the faces. sensor, centre: (U, 3). points: (U n, 3), n for each place.
+    usable: (P,) bool. sensor, centre: (U, 3). points: (U n, 3), n for each place.
     """
-    each = len(points) // len(centre)
+    faces, each = walls.faces, len(points) // len(centre)
     for u in range(len(centre)):
         for p in range(len(faces.offset)):
             height = dot(centre[u], faces.normal[p]) - faces.offset[p]
-            if not usable[p] or abs(height) > 2 * radius or norm(centre[u] - middle[p]) > size[p] + 2 * radius:
+            if not usable[p] or abs(height) > 2 * radius or distance(centre[u], walls.centre[p]) > walls.radius[p] + 2 * radius:
                 continue
             front = height if abs(height) > ROUNDED * radius else dot(sensor[u], faces.normal[p]) - faces.offset[p]
             side = 1.0 if front > 0 else -1.0
@@ -252,18 +266,8 @@ def _lift(
                 missing = ABOVE_M - side * (dot(points[n], faces.normal[p]) - faces.offset[p])
                 if missing > 0:
                     moved = points[n] + missing * side * faces.normal[p]
-                    if contains(faces, p, moved[0], moved[1], moved[2]):
+                    if contains(faces, p, moved):
                         points[n] = moved
-
-
-def _map(faces: Faces, chain: np.ndarray) -> np.ndarray:
-    """Return the map (3, 4) of a point to its image in the faces of a chain, in this order."""
-    out = np.eye(3, 4)
-    for p in chain:
-        normal = faces.normal[p]
-        out = out - 2 * np.outer(normal, normal @ out)
-        out[:, 3] += 2 * faces.offset[p] * normal
-    return out
 
 
 def room_fields(
@@ -278,9 +282,8 @@ def room_fields(
     out = np.zeros((len(which), len(room.table.frequencies_hz)), complex)
     met = np.full((len(which), chains.shape[1] + 2, 3), np.nan)
     arguments = (
-        room.faces, room.borders, room.edges, room.blocking, room.table.opaque, room.table.opaque & ~room.outlined, room.tables,
-        room.wavenumber, NUDGE / room.wavenumber, np.ascontiguousarray(chains), np.ascontiguousarray(which), np.ascontiguousarray(sensor),
-        np.ascontiguousarray(axes), np.ascontiguousarray(place), np.ascontiguousarray(points),
+        chains.shape[1], out.shape[1], len(room.table.opaque), room.walls, room.borders, room.edges, room.table.opaque & ~room.outlined,
+        NUDGE / room.wavenumber, *map(np.ascontiguousarray, (chains, which, sensor, axes, place, points)),
     )  # fmt: skip
     shared_out(_evaluate, len(which), *arguments, out, met)
     last = np.count_nonzero(chains >= 0, axis=1)[which] + 1
@@ -293,47 +296,38 @@ def room_fields(
 
 
 @compiled
-def _evaluate(
-    begin: int, stop: int, faces: Faces, borders: tuple, edges: Hierarchy, tree: Hierarchy, opaque: np.ndarray, hides: np.ndarray,
-    tables: Tables, wavenumber: float, nudge: np.ndarray, chains: np.ndarray, which: np.ndarray, sensor: np.ndarray, axes: np.ndarray,
-    place: np.ndarray, points: np.ndarray, out: np.ndarray, met: np.ndarray,
-) -> None:  # fmt: skip
-    """Write the fields of the lines `begin` to `stop` - 1, without the shadows of `FlatRoom.bodies`, and their points `met` (N, C + 2, 3).
-    hides: (surfaces,) whether a surface blocks and is not part of these bodies. The other arguments are those of `room_fields`.
-    """
-    images, field = np.empty((chains.shape[1] + 1, 3)), np.empty((out.shape[1], 3), np.complex128)
-    found, others = np.empty(MAX_PANES, np.int64), np.empty(len(opaque), np.bool_)
-    # the loop creates no arrays, so that it counts no references
-    _lines(
-        begin, stop, faces, borders, edges, tree, opaque, hides, tables, wavenumber, nudge, chains, which, sensor, axes, place, points, out,
-        images, met, field, found, others,
-    )  # fmt: skip
+def _evaluate(begin, stop, longest, nodes, surfaces, *arguments) -> None:
+    """Compute the lines `begin` to `stop` - 1 of `room_fields`. The loop of `_lines` creates no arrays, so that it counts no references."""
+    memory = np.empty((longest + 1, 3)), np.empty((nodes, 3), np.complex128), np.empty(MAX_PANES, np.int64), np.empty(surfaces, np.bool_)
+    _lines(memory, begin, stop, *arguments)
 
 
 @innermost
 def _lines(
-    begin, stop, faces, borders, edges, tree, opaque, hides, tables, wavenumber, nudge, chains, which, sensor, axes, place, points, out,
-    images, ways, field, found, others,
-):  # fmt: skip
-    """Compute the lines of `_evaluate` in the memory of one line."""
-    none = (0.0, 0.0, 0.0)
+    memory: tuple, begin: int, stop: int, walls: Walls, borders: tuple, edges: Hierarchy, hides: np.ndarray, nudge: np.ndarray,
+    chains: np.ndarray, which: np.ndarray, sensor: np.ndarray, axes: np.ndarray, place: np.ndarray, points: np.ndarray, out: np.ndarray,
+    ways: np.ndarray,
+) -> None:  # fmt: skip
+    """Write the fields of the lines `begin` to `stop` - 1, without the shadows of `FlatRoom.bodies`, and their points `ways` (N, C + 2, 3).
+    hides: (surfaces,) whether a surface blocks and is not part of these bodies. The other arguments are those of `room_fields`.
+    """
+    (images, field, found, others), faces, wavenumber = memory, walls.faces, walls.wavenumber
     for n in range(begin, stop):
         m = 0
         while m < chains.shape[1] and chains[which[n], m] >= 0:
             m += 1
         chain, met = chains[which[n], :m], ways[n]
         source, end = moved(vector(sensor, place[n]), nudge, 1.0), vector(points, n)
-        _put(images, 0, source)
-        for i in range(m):
-            _put(images, i + 1, image(faces, images[i], chain[i : i + 1], 1.0))
+        put(images, 0, source)
+        images_of(faces, source, chain, images[1:])
         if m:  # behind the last face, use the field just above the face, so that the field can be interpolated
             p = chain[m - 1]
             side = 1.0 if dot(images[m - 1], faces.normal[p]) > faces.offset[p] else -1.0
             height = side * (dot(end, faces.normal[p]) - faces.offset[p])
             if height < ABOVE_M:
                 end = moved(end, vector(faces.normal, p), (ABOVE_M - height) * side)
-        _put(met, 0, source)
-        _put(met, m + 1, end)
+        put(met, 0, source)
+        put(met, m + 1, end)
         target = end
         total = 1.0 + 0j
         for i in range(m - 1, -1, -1):
@@ -346,8 +340,8 @@ def _lines(
             # the source's image lies behind mirror p, and `back`, the end mirrored over the later faces, in front of it
             back = image(faces, end, chain[i + 1 :][::-1], 1.0)
             at = moved(images[i + 1], toward(images[i + 1], target, 1.0), below / (below - above))
-            _put(met, i + 1, at)
-            inside = 1.0 if contains(faces, p, at[0], at[1], at[2]) else 0.0
+            put(met, i + 1, at)
+            inside = 1.0 if contains(faces, p, at) else 0.0
             total *= _mirror(faces, borders, p, at, inside, vector(images, i + 1), back, wavenumber)
             if abs(total) < MIRRORED:
                 total = 0j
@@ -362,10 +356,10 @@ def _lines(
                 continue
             line = line_of(
                 vector(met, i), vector(met, i + 1), before, rest - before - part if i < m else 0.0,
-                vector(faces.normal, chain[i - 1]) if i else none, vector(faces.normal, chain[i]) if i < m else none,
+                vector(faces.normal, chain[i - 1]) if i else ZERO, vector(faces.normal, chain[i]) if i < m else ZERO,
             )  # fmt: skip
             mirrors = chain[0] if m else -1, chain[m - 1] if m else -1
-            total *= past_faces(faces, edges, tree, hides, line, wavenumber, mirrors[0], mirrors[1], found, others)
+            total *= past_faces(faces, edges, walls.tree, hides, line, wavenumber, mirrors[0], mirrors[1], found, others)
             before += part
             if abs(total) < MIRRORED:
                 break
@@ -374,16 +368,11 @@ def _lines(
         way = toward(images[m], end, rest)
         there, axis = image(faces, way, chain[::-1], 0.0), vector(axes, place[n])
         polarised(field, transverse(axis, there))
-        travelled(faces, tree, opaque, tables, field, there, chain, source, met[1 : m + 1], end, found)
+        travelled(walls, field, there, chain, source, met[1 : m + 1], end, found)
         unit = transverse(image(faces, axis, chain, 0.0), way)
         for k in range(len(field)):
             level = field[k, 0] * unit[0] + field[k, 1] * unit[1] + field[k, 2] * unit[2]
             out[n, k] = level.conjugate() * total
-
-
-@innermost
-def _put(out: np.ndarray, i: int, point: Vector) -> None:
-    out[i, 0], out[i, 1], out[i, 2] = point
 
 
 @innermost

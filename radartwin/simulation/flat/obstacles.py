@@ -42,16 +42,9 @@ def build(triangles: np.ndarray, label: np.ndarray) -> Hierarchy:
     beyond, first, stop = np.zeros((3, len(box)), np.int64)
     used = _split(triangles.min(axis=1), triangles.max(axis=1), order, box, beyond, first, stop) if len(triangles) else 0
     one = triangles[order]
-    return Hierarchy(
-        box[:used],
-        beyond[:used],
-        first[:used],
-        stop[:used],
-        one[:, 0].copy(),
-        one[:, 1] - one[:, 0],
-        one[:, 2] - one[:, 0],
-        np.ascontiguousarray(label[order], np.int64),
-    )
+    label = np.ascontiguousarray(label[order], np.int64)
+    edges = one[:, 1] - one[:, 0], one[:, 2] - one[:, 0]
+    return Hierarchy(box[:used], beyond[:used], first[:used], stop[:used], one[:, 0].copy(), *edges, label)
 
 
 @compiled

@@ -45,26 +45,26 @@ Diffraction (2007), and A. Michaeli, IEEE Trans. AP 32 (1984) 252, for fringe cu
 
 import math
 import weakref
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from radartwin.compiled import compiled, innermost, shared_out
+from radartwin.compiled import compiled, gathered, innermost
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
-from radartwin.simulation.curved.hits import Hits
 from radartwin.simulation.flat import faces as faces_module
 from radartwin.simulation.flat import obstacles
-from radartwin.simulation.flat.convex import clip, twice_area
+from radartwin.simulation.flat.convex import clip, copy, twice_area
 from radartwin.simulation.flat.faces import SHORTEST_M, Faces
-from radartwin.simulation.flat.field import Tables, angle, face_matrix, image, keller, polarised, reflected, soft_and_hard, transverse
+from radartwin.simulation.flat.field import Tables, angle, face_matrix, image, images_of, keller, polarised, reflected, soft_and_hard
 from radartwin.simulation.flat.kirchhoff import edge_share, reach_around
-from radartwin.simulation.flat.obstacles import Hierarchy, Vector
-from radartwin.simulation.flat.search import _level, _planes
-from radartwin.simulation.flat.vectors import distance, dot, moved, toward, vector
+from radartwin.simulation.flat.obstacles import Hierarchy, Point, Vector
+from radartwin.simulation.flat.search import beam_planes, middle_of, part_inside
+from radartwin.simulation.flat.vectors import ZERO, cross, distance, dot, moved, norm, put, toward, transverse, vector
 from radartwin.simulation.flat.wedge import scaled_tail
 from radartwin.simulation.geometry import Geometry
+from radartwin.simulation.hits import Hits
 from radartwin.simulation.reflection_table import ReflectionTable, chebyshev_nodes, lagrange_basis
 
 NODES = 3  # smallest number of frequency nodes, because the amplitude of a piece of an edge changes over the sweep
@@ -145,22 +145,29 @@ class _Out(NamedTuple):
     used: np.ndarray
 
 
-@dataclass(frozen=True)
-class Polyhedron:
+class Polyhedron(NamedTuple):
     """Hold an object of flat faces.
 
     Attributes:
-        faces: faces and wedges. parts: convex parts of the faces. blocking: all triangles, for lines of sight to edges.
+        faces: faces and wedges. parts: convex parts of the faces. tree: all triangles, for lines of sight to edges.
         convex: whether the object is one closed convex body, on which no face shadows another one and no path has two reflections.
         centre, radius: (3,) and metres, of a ball around the object.
     """
 
     faces: Faces
     parts: _Parts
-    blocking: Hierarchy
+    tree: Hierarchy
     convex: bool
     centre: np.ndarray
     radius: float
+
+
+class _Body(NamedTuple):
+    """Hold an object of flat faces, and the coefficients of its surfaces at the wavenumbers (Q,) in rad/m."""
+
+    shape: Polyhedron
+    tables: Tables
+    wavenumbers: np.ndarray
 
 
 def build(geometry: Geometry) -> Polyhedron | None:
@@ -184,9 +191,7 @@ def build(geometry: Geometry) -> Polyhedron | None:
     solid = np.array([bool((geometry.hollow_m[geometry.surface == s] > 0).all()) for s in faces.surface])
     parts = _Parts(np.array(face), np.array(corner), np.array(count), solid)
     label = np.zeros(len(faces.triangle), np.int64)
-    low, high = geometry.corners.min(axis=(0, 1)), geometry.corners.max(axis=(0, 1))
-    radius = float(np.linalg.norm(geometry.corners - (low + high) / 2, axis=2).max())
-    return Polyhedron(faces, parts, obstacles.build(faces.triangle, label), geometry.convex, (low + high) / 2, radius)
+    return Polyhedron(faces, parts, obstacles.build(faces.triangle, label), geometry.convex, geometry.centre, geometry.radius_m)
 
 
 def of(geometry: Geometry, table: ReflectionTable) -> Polyhedron | None:
@@ -227,38 +232,23 @@ def paths(
     together = np.abs(source - receiver).max(axis=1) < PLANE_M
     places = [np.ascontiguousarray(one, float) for one in (source, receiver + NUDGE_M, transmit, receive)]
     most = 1 if body.convex else max_bounces
-    te, tm, *_ = Tables.of(table.te, table.tm, table.through_te, table.through_tm)
-    found: list[tuple[int, list[np.ndarray]]] = []
+    shared = _Body(body, Tables.of(table.te, table.tm, table.through_te, table.through_tm), wavenumbers)
+    arguments = shared, *places, together, most, fringes
 
-    def run(begin: int, stop: int) -> None:
-        room = ROOM
-        while True:
-            out = _Out(
-                np.empty((room, q), np.complex128), np.empty((room, 3)), np.empty((room, 3)), np.empty((room, 3)), np.empty(room, np.int64),
-                np.zeros(1, np.int64),
-            )  # fmt: skip
-            pair = np.empty(room, np.int64)
-            ball = body.centre, body.radius
-            if _all(
-                begin, stop, body.faces, body.parts, body.blocking, *ball, te, tm, wavenumbers, *places, together, most, fringes, out, pair
-            ):
-                n = int(out.used[0])
-                found.append((begin, [pair[:n], *(array[:n] for array in out[:5])]))
-                return
-            room *= 4
+    def written(begin: int, stop: int, room: int) -> list[np.ndarray] | None:
+        length, departure, arrival = np.empty((3, room, 3))
+        out = _Out(np.empty((room, q), np.complex128), length, departure, arrival, np.empty(room, np.int64), np.zeros(1, np.int64))
+        pair = np.empty(room, np.int64)
+        fits = _all(begin, stop, *arguments, out, pair)
+        return [array[: out.used[0]] for array in (pair, *out[:5])] if fits else None
 
-    shared_out(run, len(source))
-    if not found:
-        return Hits.none(q)
-    columns = [np.concatenate(c) for c in zip(*(one for _, one in sorted(found, key=lambda item: item[0])), strict=True)]
-    pair, amplitude, length, departure, arrival, bounces = columns
+    pair, amplitude, length, departure, arrival, bounces = gathered(written, len(source), ROOM)
     return Hits(pair, bounces, amplitude, length[:, 0], length[:, 1], departure, arrival, length[:, 2])
 
 
 @compiled
 def _all(
-    begin: int, stop: int, faces: Faces, parts: _Parts, tree: Hierarchy, centre: np.ndarray, radius: float, te: np.ndarray,
-    tm: np.ndarray, wavenumbers: np.ndarray, source: np.ndarray, receiver: np.ndarray, transmit: np.ndarray, receive: np.ndarray,
+    begin: int, stop: int, body: _Body, source: np.ndarray, receiver: np.ndarray, transmit: np.ndarray, receive: np.ndarray,
     together: np.ndarray, most: int, fringes: bool, out: _Out, pair: np.ndarray,
 ) -> bool:  # fmt: skip
     """Write the paths of pairs `begin` to `stop` - 1; returns False if `out` is too short."""
@@ -266,16 +256,17 @@ def _all(
     beams, others = _beams(len(out.bounces) // PER_BEAM, most), _beams(len(out.bounces) // PER_BEAM, most)
     pieces, counts = np.empty((len(out.bounces) // PER_PIECE, CORNERS, 3)), np.empty(len(out.bounces) // PER_PIECE, np.int64)
     for n in range(begin, stop):
-        reach = reach_around(centre, radius, source[n], receiver[n], wavenumbers[len(wavenumbers) // 2])
+        wavenumber = body.wavenumbers[len(body.wavenumbers) // 2]
+        reach = reach_around(body.shape.centre, body.shape.radius, source[n], receiver[n], wavenumber)
         ends = _Ends(source[n], receiver[n], transmit[n], receive[n], together[n], reach)
-        number = _follow(faces, parts, ends.source, beams, pieces, counts)
-        if number < 0 or not _reflections(faces, parts, te, tm, wavenumbers, ends, beams, number, pieces, counts, out):
+        number = _follow(body, ends.source, beams, pieces, counts)
+        if number < 0 or not _reflections(body, ends, beams, number, pieces, counts, out):
             return False
         if fringes:
             back, received = beams, number
             if not together[n]:
-                back, received = others, _follow(faces, parts, ends.receiver, others, pieces, counts)
-            if received < 0 or not _fringes(faces, tree, te, tm, wavenumbers, ends, beams, number, back, received, out):
+                back, received = others, _follow(body, ends.receiver, others, pieces, counts)
+            if received < 0 or not _fringes(body, ends, beams, number, back, received, out):
                 return False
         pair[first : out.used[0]] = n
         first = out.used[0]
@@ -289,35 +280,19 @@ def _beams(room: int, most: int) -> _Beams:
 
 
 @innermost
-def _copy(polygon: np.ndarray, count: int, out: np.ndarray) -> None:
-    for i in range(count):
-        for k in range(3):
-            out[i, k] = polygon[i, k]
-
-
-@compiled
-def _side(apex: np.ndarray, a: np.ndarray, b: np.ndarray, middle: np.ndarray) -> np.ndarray:
+def _side(apex: np.ndarray, a: Vector, b: Vector, middle: Vector) -> Vector:
     """Return the unit normal of the plane through an apex and a side of a polygon, towards the polygon's middle; zero for no side."""
-    normal = np.cross(a - apex, b - apex)
-    size = math.sqrt(dot(normal, normal))
-    if size < 1e-12 * max(1.0, dot(a - apex, a - apex)):
-        return np.zeros(3)
-    return normal * ((1.0 if dot(normal, middle - apex) >= 0 else -1.0) / size)
-
-
-@compiled
-def _middle(polygon: np.ndarray, count: int) -> np.ndarray:
-    out = np.zeros(3)
-    for i in range(count):
-        out += polygon[i] / count
-    return out
+    normal = cross(toward(apex, a, 1.0), toward(apex, b, 1.0))
+    size = norm(normal)
+    if size < 1e-12 * max(1.0, dot(toward(apex, a, 1.0), toward(apex, a, 1.0))):
+        return ZERO
+    return moved(ZERO, normal, (1.0 if dot(normal, toward(apex, middle, 1.0)) >= 0 else -1.0) / size)
 
 
 @compiled
 def _subtract(
-    faces: Faces, parts: _Parts, p: int, apex: np.ndarray, last: int, facing: float, pieces: np.ndarray, counts: np.ndarray,
-    spare: np.ndarray,
-) -> int:  # fmt: skip
+    body: _Body, p: int, apex: np.ndarray, last: int, facing: float, pieces: np.ndarray, counts: np.ndarray, spare: np.ndarray
+) -> int:
     """Subtract from a convex piece of face `p`, the first of `pieces`, the shadows of all other faces, seen from an apex. Write the
     remaining convex pieces to `pieces`. Returns the number of pieces, or -1 if `pieces` is too short.
 
@@ -325,11 +300,11 @@ def _subtract(
         last: face behind which the apex is an image, or -1; only parts of faces on the `facing` (+-1) side of this face cast shadows.
         pieces: (pieces, CORNERS, 3), counts: (pieces,). spare: (4, CORNERS, 3).
     """
+    faces, parts = body.shape.faces, body.shape.parts
     height = dot(apex, faces.normal[p]) - faces.offset[p]
     up = 1.0 if height > 0 else -1.0
-    nx, ny, nz = up * faces.normal[p, 0], up * faces.normal[p, 1], up * faces.normal[p, 2]
-    level = up * faces.offset[p]
-    number = 1
+    up_way, down_way, ground = moved(ZERO, faces.normal[p], up), moved(ZERO, faces.normal[p], -up), up * faces.offset[p]
+    number, normals = 1, np.empty((CORNERS, 3))
     for q in range(len(parts.face)):
         f = parts.face[q]
         if f in (p, last) or number == 0:
@@ -339,28 +314,23 @@ def _subtract(
             continue
         highest = -np.inf
         for i in range(parts.count[q]):
-            corner = parts.corner[q, i]
-            highest = max(highest, nx * corner[0] + ny * corner[1] + nz * corner[2] - level)
+            highest = max(highest, dot(up_way, parts.corner[q, i]) - ground)
         if highest < PLANE_M:
             continue
-        _copy(parts.corner[q], parts.count[q], spare[0])
-        count = clip(spare[0], parts.count[q], nx, ny, nz, level, spare[1])
-        count = clip(spare[1], count, -nx, -ny, -nz, -level - ABOVE * abs(height), spare[0]) if count else 0
+        copy(parts.corner[q], parts.count[q], spare[0])
+        count = clip(spare[0], parts.count[q], up_way, ground, spare[1])
+        count = clip(spare[1], count, down_way, -ground - ABOVE * abs(height), spare[0]) if count else 0
         if count and last >= 0:
-            normal = facing * faces.normal[last]
-            count = clip(spare[0], count, normal[0], normal[1], normal[2], facing * faces.offset[last], spare[1])
-            _copy(spare[1], count, spare[0])
+            count = clip(spare[0], count, moved(ZERO, faces.normal[last], facing), facing * faces.offset[last], spare[1])
+            copy(spare[1], count, spare[0])
         if count == 0 or twice_area(spare[0], count) < SLIVER_M2:
             continue
-        inside = _middle(spare[0], count)
-        before, number = number, 0
-        fresh = np.empty_like(pieces)
-        sizes = np.empty_like(counts)
-        normals = np.empty((CORNERS, 3))
+        before, number, inside = number, 0, middle_of(spare[0], count)
+        fresh, sizes = np.empty_like(pieces), np.empty_like(counts)
         for i in range(count):
-            normals[i] = _side(apex, spare[0, i], spare[0, (i + 1) % count], inside)
+            put(normals, i, _side(apex, vector(spare[0], i), vector(spare[0], (i + 1) % count), inside))
         for j in range(before):
-            _copy(pieces[j], counts[j], spare[1])
+            copy(pieces[j], counts[j], spare[1])
             rest = counts[j]
             # a piece that lies wholly outside one side of the shadow is not divided
             apart = False
@@ -368,38 +338,37 @@ def _subtract(
                 outmost = -np.inf
                 for c in range(rest):
                     outmost = max(outmost, dot(normals[i], spare[1, c]) - dot(normals[i], apex))
-                if outmost < 1e-9:
-                    apart = True
+                apart = apart or outmost < 1e-9
             if number + count + 1 > len(pieces):
                 return -1
             if apart:
-                _copy(spare[1], rest, fresh[number])
+                copy(spare[1], rest, fresh[number])
                 sizes[number] = rest
                 number += 1
                 continue
             for i in range(count):
-                n = normals[i]
-                size = clip(spare[1], rest, -n[0], -n[1], -n[2], -dot(n, apex), spare[2])
+                inwards, offset = vector(normals, i), dot(normals[i], apex)
+                size = clip(spare[1], rest, moved(ZERO, inwards, -1.0), -offset, spare[2])
                 if size and twice_area(spare[2], size) > SLIVER_M2:
-                    _copy(spare[2], size, fresh[number])
+                    copy(spare[2], size, fresh[number])
                     sizes[number] = size
                     number += 1
-                rest = clip(spare[1], rest, n[0], n[1], n[2], dot(n, apex), spare[3])
+                rest = clip(spare[1], rest, inwards, offset, spare[3])
                 if rest == 0:
                     break
-                _copy(spare[3], rest, spare[1])
+                copy(spare[3], rest, spare[1])
         for j in range(number):
-            _copy(fresh[j], sizes[j], pieces[j])
+            copy(fresh[j], sizes[j], pieces[j])
             counts[j] = sizes[j]
     return number
 
 
 @compiled
-def _follow(faces: Faces, parts: _Parts, place: np.ndarray, beams: _Beams, pieces: np.ndarray, counts: np.ndarray) -> int:
+def _follow(body: _Body, place: np.ndarray, beams: _Beams, pieces: np.ndarray, counts: np.ndarray) -> int:
     """Write the beams of a place over all sequences of faces that are shorter than a chain; returns their number, or -1 if there is no room
     for all of them.
     """
-    spare, planes = np.empty((4, CORNERS, 3)), np.empty((CORNERS + 1, 4))
+    faces, parts, spare, planes = body.shape.faces, body.shape.parts, np.empty((4, CORNERS, 3)), np.empty((CORNERS + 1, 4))
     used, beams.image[0], beams.order[0], beams.count[0] = 1, place, 0, 0
     b = 0
     while b < used:
@@ -408,26 +377,26 @@ def _follow(faces: Faces, parts: _Parts, place: np.ndarray, beams: _Beams, piece
         facing = 1.0
         if m and dot(apex, faces.normal[last]) > faces.offset[last]:
             facing = -1.0
-        bounds = _planes(faces, last, vector(beams.image, b), 0.0, beams.polygon[b], beams.count[b], ALL_AROUND, planes)
+        bounds = beam_planes(faces, last, vector(beams.image, b), 0.0, beams.polygon[b], beams.count[b], ALL_AROUND, planes)
         for k in range(len(parts.face)):
             p = parts.face[k]
             height = dot(apex, faces.normal[p]) - faces.offset[p]
             if m == beams.chain.shape[1] or p == last or abs(height) < PLANE_M or (parts.solid[p] and height < 0):
                 continue
             size = parts.count[k]
-            _copy(parts.corner[k], size, spare[0])
+            copy(parts.corner[k], size, spare[0])
             for i in range(bounds):
-                size = clip(spare[0], size, planes[i, 0], planes[i, 1], planes[i, 2], planes[i, 3], spare[1]) if size else 0
-                _copy(spare[1], size, spare[0])
+                size = clip(spare[0], size, vector(planes, i), planes[i, 3], spare[1]) if size else 0
+                copy(spare[1], size, spare[0])
             if size == 0 or twice_area(spare[0], size) < SLIVER_M2:
                 continue
-            _copy(spare[0], size, pieces[0])
+            copy(spare[0], size, pieces[0])
             counts[0] = size
-            number = _subtract(faces, parts, p, apex, last, facing, pieces, counts, spare)
+            number = _subtract(body, p, apex, last, facing, pieces, counts, spare)
             if number < 0 or used + number > len(beams.order):
                 return -1
             for j in range(number):
-                _copy(pieces[j], counts[j], beams.polygon[used])
+                copy(pieces[j], counts[j], beams.polygon[used])
                 beams.count[used], beams.order[used] = counts[j], m + 1
                 beams.image[used] = apex - 2 * height * faces.normal[p]
                 beams.chain[used, :m], beams.chain[used, m] = beams.chain[b, :m], p
@@ -437,12 +406,9 @@ def _follow(faces: Faces, parts: _Parts, place: np.ndarray, beams: _Beams, piece
 
 
 @compiled
-def _reflections(
-    faces: Faces, parts: _Parts, te: np.ndarray, tm: np.ndarray, wavenumbers: np.ndarray, ends: _Ends, beams: _Beams, number: int,
-    pieces: np.ndarray, counts: np.ndarray, out: _Out,
-) -> bool:  # fmt: skip
+def _reflections(body: _Body, ends: _Ends, beams: _Beams, number: int, pieces: np.ndarray, counts: np.ndarray, out: _Out) -> bool:
     """Write the paths over the faces of all beams; returns False if `out` is too short."""
-    spare = np.empty((4, CORNERS, 3))
+    faces, spare = body.shape.faces, np.empty((4, CORNERS, 3))
     for b in range(1, number):
         m, mirrored = beams.order[b], beams.image[b]
         p = beams.chain[b, m - 1]
@@ -450,43 +416,37 @@ def _reflections(
         if other * below >= 0 or abs(other) < PLANE_M:
             continue
         apex = mirrored - 2 * below * faces.normal[p]
-        _copy(beams.polygon[b], beams.count[b], pieces[0])
+        copy(beams.polygon[b], beams.count[b], pieces[0])
         counts[0], shown = beams.count[b], 1
         if m > 1 or not ends.together:
-            shown = _subtract(faces, parts, p, ends.receiver, NO_FACE, 1.0, pieces, counts, spare)
+            shown = _subtract(body, p, ends.receiver, NO_FACE, 1.0, pieces, counts, spare)
             if shown < 0:
                 return False
         for i in range(shown):
-            if not _polygon(faces, te, tm, wavenumbers, ends, beams.chain[b, :m], apex, mirrored, parts, pieces[i], counts[i], out):
+            if not _polygon(body, ends, beams.chain[b, :m], apex, mirrored, pieces[i], counts[i], out):
                 return False
     return True
 
 
 @innermost
-def _leaving(faces: Faces, chain: np.ndarray, image: np.ndarray, x: np.ndarray) -> tuple[Vector, float]:
-    """Return the direction in which a path to x leaves a place whose image in a chain is `image`, and the length of the path."""
-    length = distance(image, x)
-    way = toward(image, x, length)
-    for i in range(len(chain) - 1, -1, -1):
-        normal = vector(faces.normal, chain[i])
-        way = moved(way, normal, -2 * dot(way, normal))
-    return way, length
+def _leaving(faces: Faces, chain: np.ndarray, apex: np.ndarray, x: np.ndarray) -> tuple[Vector, float]:
+    """Return the direction in which a path to x leaves a place whose image in a chain is `apex`, and the length of the path."""
+    length = distance(apex, x)
+    return image(faces, toward(apex, x, length), chain[::-1], 0.0), length
 
 
 @compiled
-def _arriving(
-    faces: Faces, te: np.ndarray, tm: np.ndarray, antenna: np.ndarray, chain: np.ndarray, image: np.ndarray, x: np.ndarray, out: np.ndarray
-) -> None:  # fmt: skip
+def _arriving(body: _Body, antenna: np.ndarray, chain: np.ndarray, image: np.ndarray, x: np.ndarray, out: np.ndarray) -> None:
     """Write the field (Q, 3) of an antenna at x after the reflections of a chain, without spreading and phase."""
-    way, _ = _leaving(faces, chain, image, x)
+    way, _ = _leaving(body.shape.faces, chain, image, x)
     polarised(out, transverse(antenna, way))
-    reflected(faces, te, tm, out, way, chain)
+    reflected(body.shape.faces, body.tables, out, way, chain)
 
 
 @compiled
 def _factor(
-    faces: Faces, te: np.ndarray, tm: np.ndarray, ends: _Ends, there: np.ndarray, apex: np.ndarray, back: np.ndarray,
-    receiver: np.ndarray, x: np.ndarray, shade: float, out: np.ndarray,
+    body: _Body, ends: _Ends, there: np.ndarray, apex: np.ndarray, back: np.ndarray, receiver: np.ndarray, x: np.ndarray, shade: float,
+    out: np.ndarray,
 ) -> None:  # fmt: skip
     """Write rho (Q,) at a point of the last face of the chain `there`.
 
@@ -494,17 +454,17 @@ def _factor(
     shade: factor of the currents of the incident field, which form the shadow.
     """
     k, s = toward(apex, x, distance(apex, x)), toward(x, receiver, distance(x, receiver))
-    n = vector(faces.normal, there[len(there) - 1])
+    n = vector(body.shape.faces.normal, there[len(there) - 1])
     if dot(k, n) > 0:
         n = -n[0], -n[1], -n[2]
     mirrored = moved(k, n, -2 * dot(k, n))
     field, got = np.empty((len(out), 3), np.complex128), np.empty((len(out), 3), np.complex128)
-    _arriving(faces, te, tm, ends.transmit, there[: len(there) - 1], apex, x, field)
-    _arriving(faces, te, tm, ends.receive, back, receiver, x, got)
+    _arriving(body, ends.transmit, there[: len(there) - 1], apex, x, field)
+    _arriving(body, ends.receive, back, receiver, x, got)
     sight = dot(n, s) - dot(n, k)
     for q in range(len(out)):
         out[q] = -shade * _radiated(n, k, field, got, s, q) / sight if shade else 0j
-    reflected(faces, te, tm, field, k, there[len(there) - 1 :])
+    reflected(body.shape.faces, body.tables, field, k, there[len(there) - 1 :])
     for q in range(len(out)):
         out[q] -= _radiated(n, mirrored, field, got, s, q) / sight
 
@@ -552,16 +512,14 @@ def _piece(f0: complex, f1: complex, f2: complex, p0: float, p2: float) -> compl
 
 
 @innermost
-def _boundary(mirrored: np.ndarray, receiver: np.ndarray, x: float, y: float, z: float, lx: float, ly: float, lz: float) -> float:
-    """Return b/L0 at a point of a side with direction l."""
-    rx, ry, rz = x - mirrored[0], y - mirrored[1], z - mirrored[2]
-    sx, sy, sz = x - receiver[0], y - receiver[1], z - receiver[2]
-    cx, cy, cz = ry * sz - rz * sy, rz * sx - rx * sz, rx * sy - ry * sx
-    product = math.sqrt((rx * rx + ry * ry + rz * rz) * (sx * sx + sy * sy + sz * sz))
-    square = cx * cx + cy * cy + cz * cz
+def _boundary(mirrored: np.ndarray, receiver: np.ndarray, x: Vector, side: np.ndarray) -> float:
+    """Return b/L0 at a point of a side with a unit direction."""
+    r, s = toward(mirrored, x, 1.0), toward(receiver, x, 1.0)
+    across, product = cross(r, s), math.sqrt(dot(r, r) * dot(s, s))
+    square = dot(across, across)
     if square < 1e-30:
         return 0.0
-    return -(cx * lx + cy * ly + cz * lz) * (product - (rx * sx + ry * sy + rz * sz)) / (4 * math.pi * product * square)
+    return -dot(across, side) * (product - dot(r, s)) / (4 * math.pi * product * square)
 
 
 @innermost
@@ -572,14 +530,9 @@ def _weight(phase: float) -> float:
 
 
 @innermost
-def _length(a: np.ndarray, x: float, y: float, z: float) -> float:
-    return math.sqrt((x - a[0]) ** 2 + (y - a[1]) ** 2 + (z - a[2]) ** 2)
-
-
-@innermost
-def _over(a: np.ndarray, b: np.ndarray, x: float, y: float, z: float) -> float:
+def _over(a: Point, b: Point, x: Point) -> float:
     """Return the length of the path from a over a point to b."""
-    return _length(a, x, y, z) + _length(b, x, y, z)
+    return distance(a, x) + distance(b, x)
 
 
 @compiled
@@ -591,7 +544,7 @@ def _divisions(a: np.ndarray, b: np.ndarray, source: np.ndarray, receiver: np.nd
     for end in (source, receiver):
         t = min(max(dot(end - a, along) / (size * size), 0.0), 1.0)
         nearest = min(nearest, distance(end, a + t * along))
-    low, high = _over(source, receiver, a[0], a[1], a[2]), _over(source, receiver, b[0], b[1], b[2])
+    low, high = _over(source, receiver, a), _over(source, receiver, b)
     # the quadratic phase of a piece of length h is k (2/nearest) (h/2)^2/2 or less
     pieces = max(size / (VIEW_RAD * nearest), size * math.sqrt(wavenumber / (4 * CURVE_RAD * nearest)))
     return math.ceil(max(pieces, abs(high - low) / DEPTH_M)), math.ceil(size / (SMOOTH_RAD * nearest))
@@ -615,8 +568,8 @@ def _add(
     if len(there):
         normal = vector(faces.normal, there[0])
         out.length[n, 2] = (faces.offset[there[0]] - dot(normal, ends.source)) / dot(normal, way)
-    for k in range(3):
-        out.departure[n, k], out.arrival[n, k] = way[k], arrival[k]
+    put(out.departure, n, way)
+    put(out.arrival, n, arrival)
     out.amplitude[n] = amplitude
     out.bounces[n] = 1 + len(there) + len(back)
     out.used[0] += 1
@@ -656,16 +609,14 @@ def _edge_of(faces: Faces, parts: _Parts, chain: np.ndarray, images: np.ndarray,
 
 @compiled
 def _polygon(
-    faces: Faces, te: np.ndarray, tm: np.ndarray, wavenumbers: np.ndarray, ends: _Ends, chain: np.ndarray, apex: np.ndarray,
-    mirrored: np.ndarray, parts: _Parts, polygon: np.ndarray, count: int, out: _Out,
-) -> bool:  # fmt: skip
+    body: _Body, ends: _Ends, chain: np.ndarray, apex: np.ndarray, mirrored: np.ndarray, polygon: np.ndarray, count: int, out: _Out
+) -> bool:
     """Write the paths of one convex polygon on the last face of a chain; returns False if `out` is too short."""
     p, before, none = chain[len(chain) - 1], chain[: len(chain) - 1], chain[:0]
-    receiver, nodes = ends.receiver, len(wavenumbers)
+    faces, wavenumbers, receiver, nodes = body.shape.faces, body.wavenumbers, ends.receiver, len(body.wavenumbers)
     images = np.empty((len(chain) + 1, 3))
     images[0] = ends.source
-    for i in range(len(chain)):
-        images[i + 1] = np.array(image(faces, images[i], chain[i : i + 1], 1.0))
+    images_of(faces, ends.source, chain, images[1:])
     wavenumber = wavenumbers[nodes // 2]
     normal = faces.normal[p]
     above, below = dot(receiver, normal) - faces.offset[p], dot(mirrored, normal) - faces.offset[p]
@@ -695,19 +646,17 @@ def _polygon(
     if inside:
         nearest = mirror
     together = np.zeros(nodes, np.complex128)
-    rest_m = _over(mirrored, receiver, nearest[0], nearest[1], nearest[2])
+    rest_m = _over(mirrored, receiver, nearest)
     joined = inside or wavenumber * (rest_m - straight) < FAR
-    rho, scale = np.empty(nodes, np.complex128), np.empty(nodes)
-    for q in range(nodes):
-        scale[q] = 0.5 / wavenumbers[q]  # wavelength/(4 pi)
+    rho, scale = np.empty(nodes, np.complex128), 0.5 / wavenumbers  # wavelength/(4 pi)
     if inside:
-        _factor(faces, te, tm, ends, chain, apex, none, receiver, mirror, 0.0, rho)
+        _factor(body, ends, chain, apex, none, receiver, mirror, 0.0, rho)
         for q in range(nodes):
             together[q] = scale[q] / straight * rho[q].conjugate()
     own = np.empty(nodes, np.complex128)
     for i in range(count):
         a, b = polygon[i].copy(), polygon[(i + 1) % count].copy()
-        m = _edge_of(faces, parts, chain, images, a, b)
+        m = _edge_of(faces, body.shape.parts, chain, images, a, b)
         there, back = chain[: m + 1], chain[m + 1 :][::-1].copy()
         apex, mirrored, receiver = images[m], images[m + 1], np.array(image(faces, ends.receiver, back, 1.0))
         size = distance(a, b)
@@ -715,16 +664,14 @@ def _polygon(
             continue
         along = (b - a) / size
         pieces, smooth = _divisions(a, b, mirrored, receiver, wavenumber)
-        pieces, smooth = max(pieces, 1), max(smooth, 1)
         known = np.empty((2 * smooth + 1, nodes), np.complex128)
         shade = 1 - edge_share(a, along, apex, receiver, wavenumber, ends.reach)
         for j in range(2 * smooth + 1):
-            _factor(faces, te, tm, ends, there, apex, back, receiver, a + (j / (2 * smooth)) * (b - a), shade, rho)
+            _factor(body, ends, there, apex, back, receiver, a + (j / (2 * smooth)) * (b - a), shade, rho)
             for q in range(nodes):
                 known[j, q] = rho[q].conjugate()
         foot = keller(a, along, mirrored, receiver)
-        least = _over(mirrored, receiver, a[0] + foot * along[0], a[1] + foot * along[1], a[2] + foot * along[2]) - straight
-        close = wavenumber * least < FAR
+        close = wavenumber * (_over(mirrored, receiver, moved(a, along, foot)) - straight) < FAR
         joined = joined or close
         # |r x s|^2 = |across|^2 (width^2 + (t - centre)^2), so that t = centre + width sinh(u) removes the pole of b at the mirror point.
         # `within` decides both W and the sign of b. Otherwise, rounding errors near a side would change the sum of both.
@@ -740,10 +687,8 @@ def _polygon(
             t1 = (2 * j + 1) * half
             t0, t2 = t1 - half, t1 + half
             x1 = a + t1 * along
-            reference = _over(mirrored, receiver, x1[0], x1[1], x1[2])
-            t_near = min(max(foot, t0), t2)
-            x = a + t_near * along
-            if close and wavenumber * (_over(mirrored, receiver, x[0], x[1], x[2]) - straight) < FAR:
+            reference = _over(mirrored, receiver, x1)
+            if close and wavenumber * (_over(mirrored, receiver, moved(a, along, min(max(foot, t0), t2))) - straight) < FAR:
                 own[:] = 0
                 u0, u2 = math.asinh((t0 - centre) / width), math.asinh((t2 - centre) / width)
                 panels = math.ceil(max(u2 - u0, 1.0))
@@ -752,8 +697,8 @@ def _polygon(
                     for g in range(len(_GAUSS)):
                         u = u0 + (panel + 0.5 + 0.5 * _GAUSS[g]) * step
                         t = centre + width * math.sinh(u)
-                        px, py, pz = a[0] + t * along[0], a[1] + t * along[1], a[2] + t * along[2]
-                        r, s = _length(mirrored, px, py, pz), _length(receiver, px, py, pz)
+                        x = moved(a, along, t)
+                        r, s = distance(mirrored, x), distance(receiver, x)
                         density = around * _WEIGHT[g] * step * (straight * straight - (r - s) ** 2) / (r * s * math.cosh(u))
                         length = r + s
                         w = _weight(wavenumber * (length - straight))
@@ -766,15 +711,11 @@ def _polygon(
                                 phase = wavenumbers[q] * (length - reference)
                                 own[q] += w * value * complex(math.cos(phase), math.sin(phase))
             else:
-                b0 = turned * half * _boundary(
-                    mirrored, receiver, a[0] + t0 * along[0], a[1] + t0 * along[1], a[2] + t0 * along[2], along[0], along[1], along[2]
-                )  # fmt: skip
-                b1 = turned * half * _boundary(mirrored, receiver, x1[0], x1[1], x1[2], along[0], along[1], along[2])
-                b2 = turned * half * _boundary(
-                    mirrored, receiver, a[0] + t2 * along[0], a[1] + t2 * along[1], a[2] + t2 * along[2], along[0], along[1], along[2]
-                )  # fmt: skip
-                e0 = _over(mirrored, receiver, a[0] + t0 * along[0], a[1] + t0 * along[1], a[2] + t0 * along[2]) - reference
-                e2 = _over(mirrored, receiver, a[0] + t2 * along[0], a[1] + t2 * along[1], a[2] + t2 * along[2]) - reference
+                x0, x2 = moved(a, along, t0), moved(a, along, t2)
+                b0 = turned * half * _boundary(mirrored, receiver, x0, along)
+                b1 = turned * half * _boundary(mirrored, receiver, moved(a, along, t1), along)
+                b2 = turned * half * _boundary(mirrored, receiver, x2, along)
+                e0, e2 = _over(mirrored, receiver, x0) - reference, _over(mirrored, receiver, x2) - reference
                 for q in range(nodes):
                     own[q] = scale[q] * _piece(
                         b0 * _parabola(known, smooth, t0 / size, q), b1 * _parabola(known, smooth, t1 / size, q),
@@ -872,8 +813,8 @@ def _width(faces: Faces, p: int, x: np.ndarray, way: np.ndarray) -> float:
 
 @compiled
 def _fringe(
-    faces: Faces, te: np.ndarray, tm: np.ndarray, wavenumber: float, source: np.ndarray, receiver: np.ndarray, sent: np.ndarray,
-    got: np.ndarray, e: int, x: np.ndarray, shaded: float, out: np.ndarray,
+    body: _Body, source: np.ndarray, receiver: np.ndarray, sent: np.ndarray, got: np.ndarray, e: int, x: np.ndarray, shaded: float,
+    out: np.ndarray,
 ) -> None:  # fmt: skip
     """Write the received strength (Q,) of the fringe currents of edge `e` at x, per metre of the edge, without spreading and phase.
 
@@ -881,6 +822,7 @@ def _fringe(
     shaded: share of the edge's wave that the shadow of the object contains.
     """
     out[:] = 0
+    faces, tables, wavenumber = body.shape.faces, body.tables, body.wavenumbers[len(body.wavenumbers) // 2]
     before, after = x - source, receiver - x
     before /= math.sqrt(dot(before, before))
     after /= math.sqrt(dot(after, after))
@@ -888,8 +830,8 @@ def _fringe(
     cosine, other = dot(before, along), dot(after, along)
     if min(1 - cosine * cosine, 1 - other * other) < SMALL_SINE * SMALL_SINE:
         return
-    phi0 = angle(faces, e, -before[0], -before[1], -before[2])
-    phi = angle(faces, e, after[0], after[1], after[2])
+    phi0 = angle(faces, e, -before)
+    phi = angle(faces, e, after)
     if max(phi, phi0) > n * math.pi:
         return
     sine = math.sqrt(1 - cosine * cosine)
@@ -914,10 +856,8 @@ def _fringe(
     mirrorn = _excess(math.pi + (phi + phi0) - 2 * n * math.pi, n, mirroredn + (shortn + begunn) * (1 - mirroredn))
     enters, leaves = soft_and_hard(along, before), soft_and_hard(along, after)
     for q in range(len(out)):
-        ss0, sh0, hh0 = face_matrix(te, tm, faces.surface[faces.sides[e, 0]], q, phi, phi0, sine, cosine)
-        ssn, shn, hhn = face_matrix(
-            te, tm, faces.surface[faces.sides[e, 1]], q, n * math.pi - phi, n * math.pi - phi0, sine, -cosine
-        )  # fmt: skip
+        ss0, sh0, hh0 = face_matrix(tables, faces.surface[faces.sides[e, 0]], q, phi, phi0, sine, cosine)
+        ssn, shn, hhn = face_matrix(tables, faces.surface[faces.sides[e, 1]], q, n * math.pi - phi, n * math.pi - phi0, sine, -cosine)
         soft = shadow + ss0 * mirror0 + ssn * mirrorn
         hard = shadow + hh0 * mirror0 + hhn * mirrorn
         mixed = sh0 * mirror0 + shn * mirrorn
@@ -927,16 +867,6 @@ def _fringe(
             s_out, h_out = s_out + got[q, k] * leaves[0][k], h_out + got[q, k] * leaves[1][k]
         total = s_out * (soft * s_in + mixed * h_in) + h_out * (hard * h_in - mixed * s_in)
         out[q] = -total.conjugate() / (4 * math.pi)
-
-
-@innermost
-def _cut(inside: float, outside: float, low: float, high: float) -> tuple[float, float]:
-    """Return the part of an interval of t in which (1 - t) inside + t outside is positive."""
-    if inside < 0 and outside < 0:
-        return 1.0, 0.0
-    if inside < 0:
-        return max(low, inside / (inside - outside)), high
-    return low, min(high, inside / (inside - outside)) if outside < 0 else high
 
 
 @compiled
@@ -950,17 +880,14 @@ def _lit(faces: Faces, beams: _Beams, number: int) -> np.ndarray:
         if m == beams.chain.shape[1]:
             continue
         last = beams.chain[b, m - 1] if m else NO_FACE
-        bounds = _planes(faces, last, place, 0.0, beams.polygon[b], beams.count[b], ALL_AROUND, planes)
+        bounds = beam_planes(faces, last, place, 0.0, beams.polygon[b], beams.count[b], ALL_AROUND, planes)
         for e in range(len(faces.length)):
-            a, size, low, high = vector(faces.start, e), faces.length[e], 0.0, 1.0
+            a = vector(faces.start, e)
             if last in (faces.sides[e, 0], faces.sides[e, 1]):
                 continue
-            if angle(faces, e, place[0] - a[0], place[1] - a[1], place[2] - a[2]) > faces.opening[e] * math.pi:
+            if angle(faces, e, toward(a, place, 1.0)) > faces.opening[e] * math.pi:
                 continue
-            end = moved(a, vector(faces.along, e), size)
-            for i in range(bounds):
-                low, high = _cut(_level(planes, i, a), _level(planes, i, end), low, high)
-            lit[b, e, 0], lit[b, e, 1] = size * low, size * high
+            lit[b, e] = part_inside(planes, bounds, a, vector(faces.along, e), faces.length[e])
     return lit
 
 
@@ -976,14 +903,12 @@ def _open(faces: Faces, tree: Hierarchy, beams: _Beams, b: int, x: np.ndarray, c
 
 
 @compiled
-def _fringes(
-    faces: Faces, tree: Hierarchy, te: np.ndarray, tm: np.ndarray, wavenumbers: np.ndarray, ends: _Ends, beams: _Beams, number: int,
-    others: _Beams, received: int, out: _Out,
-) -> bool:  # fmt: skip
+def _fringes(body: _Body, ends: _Ends, beams: _Beams, number: int, others: _Beams, received: int, out: _Out) -> bool:
     """Write the paths of fringe currents along all edges in the beams of source and receiver; returns False if `out` is too short.
 
     others: beams of the receiver.
     """
+    faces = body.shape.faces
     lit = _lit(faces, beams, number)
     shown = lit if ends.together else _lit(faces, others, received)
     for e in range(len(faces.length)):
@@ -994,18 +919,15 @@ def _fringes(
                 low, high = max(lit[b, e, 0], shown[c, e, 0]), min(lit[b, e, 1], shown[c, e, 1])
                 if beams.order[b] + others.order[c] >= beams.chain.shape[1] or high - low < SHORTEST_M:
                     continue
-                if not _edge(faces, tree, te, tm, wavenumbers, ends, e, low, high, beams, b, others, c, out):
+                if not _edge(body, ends, e, low, high, beams, b, others, c, out):
                     return False
     return True
 
 
 @compiled
-def _edge(
-    faces: Faces, tree: Hierarchy, te: np.ndarray, tm: np.ndarray, wavenumbers: np.ndarray, ends: _Ends, e: int, low: float, high: float,
-    beams: _Beams, b: int, others: _Beams, c: int, out: _Out,
-) -> bool:  # fmt: skip
+def _edge(body: _Body, ends: _Ends, e: int, low: float, high: float, beams: _Beams, b: int, others: _Beams, c: int, out: _Out) -> bool:
     """Write the paths of fringe currents along a part of an edge, out over beam `b` and back over beam `c` of the others."""
-    nodes = len(wavenumbers)
+    faces, wavenumbers, nodes = body.shape.faces, body.wavenumbers, len(body.wavenumbers)
     wavenumber = wavenumbers[nodes // 2]
     crossed = np.empty(1, np.int64)
     value, own = np.empty(nodes, np.complex128), np.empty(nodes, np.complex128)
@@ -1015,14 +937,13 @@ def _edge(
     along, size = faces.along[e], high - low
     a = faces.start[e] + low * along
     pieces, smooth = _divisions(a, a + size * along, source, receiver, wavenumber)
-    pieces, smooth = max(pieces, 1), max(smooth, 1)
     known = np.empty((2 * smooth + 1, nodes), np.complex128)
     shaded = edge_share(a, along, source, receiver, wavenumber, ends.reach)
     for j in range(2 * smooth + 1):
         x = a + j / (2 * smooth) * size * along
-        _arriving(faces, te, tm, ends.transmit, there, source, x, sent)
-        _arriving(faces, te, tm, ends.receive, back, receiver, x, got)
-        _fringe(faces, te, tm, wavenumber, source, receiver, sent, got, e, x, shaded, value)
+        _arriving(body, ends.transmit, there, source, x, sent)
+        _arriving(body, ends.receive, back, receiver, x, got)
+        _fringe(body, source, receiver, sent, got, e, x, shaded, value)
         known[j] = value
     half = 0.5 * size / pieces
     middle = 0.5 * faces.opening[e] * math.pi
@@ -1030,13 +951,12 @@ def _edge(
     for j in range(pieces):
         t1 = (2 * j + 1) * half
         x0, x1, x2 = a + (t1 - half) * along, a + t1 * along, a + (t1 + half) * along
-        if not _open(faces, tree, beams, b, x1 + aside, crossed):
+        if not _open(faces, body.shape.tree, beams, b, x1 + aside, crossed):
             continue
-        if not (ends.together and b == c) and not _open(faces, tree, others, c, x1 + aside, crossed):
+        if not (ends.together and b == c) and not _open(faces, body.shape.tree, others, c, x1 + aside, crossed):
             continue
-        reference = distance(source, x1) + distance(x1, receiver)
-        e0 = distance(source, x0) + distance(x0, receiver) - reference
-        e2 = distance(source, x2) + distance(x2, receiver) - reference
+        reference = _over(source, receiver, x1)
+        e0, e2 = _over(source, receiver, x0) - reference, _over(source, receiver, x2) - reference
         spread = half / (distance(source, x1) * distance(x1, receiver))
         for q in range(nodes):
             own[q] = spread * 0.5 / wavenumbers[q] * _piece(

@@ -7,7 +7,7 @@ At each pose, the paths of the sequences of the nearest test place are then comp
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -39,7 +39,6 @@ MAX_EDGES = 1000
 SHORT = 4.0  # length in wavelengths up to which the fields of a linear array are interpolated
 UNEVEN = 0.3  # relative difference of the fields at the outermost channels above which all channels are computed
 CHANNELS = 0.003  # the fields of weaker paths, relative to the strongest path of the pose, are computed at the middle of the array only
-BESIDE_M = 0.25  # a leg whose mirror point is farther than this from its face has no field
 
 
 class RoomWarning(UserWarning):
@@ -98,14 +97,23 @@ class FlatRoom:
         return 2 * np.pi * float(self.table.frequencies_hz.mean()) / SPEED_OF_LIGHT
 
     @cached_property
-    def tables(self) -> field.Tables:
-        """Return the coefficients of the surfaces."""
-        return field.Tables.of(self.table.te, self.table.tm, self.table.through_te, self.table.through_tm)
+    def walls(self) -> field.Walls:
+        """Return the arrays of the room for compiled functions."""
+        through = np.maximum(np.abs(self.table.through_te).max(axis=(1, 2)), np.abs(self.table.through_tm).max(axis=(1, 2)))
+        tables = field.Tables.of(self.table.te, self.table.tm, self.table.through_te, self.table.through_tm)
+        return field.Walls(
+            self.faces, *self.balls, self.blocking, self.table.opaque, tables, self.wavenumber, through, self.loudness, self._envelope
+        )
 
     @cached_property
-    def _middle(self) -> field.Tables:
-        """Return the coefficients of the surfaces in the middle of the sweep."""
-        return field.Tables.of(*(values[:, :, values.shape[2] // 2, None] for values in self.tables))
+    def _middle(self) -> field.Walls:
+        """Return the walls with the coefficients in the middle of the sweep."""
+        return self.walls._replace(tables=field.Tables.of(*(values[:, :, values.shape[2] // 2, None] for values in self.walls.tables)))
+
+    @cached_property
+    def _unblocked(self) -> field.Walls:
+        """Return the walls with the coefficients in the middle of the sweep, and without anything that blocks."""
+        return self._middle._replace(tree=obstacles.build(np.zeros((0, 3, 3)), np.zeros(0, int)))
 
     @cached_property
     def loudness(self) -> np.ndarray:
@@ -150,56 +158,27 @@ class FlatRoom:
     @cached_property
     def links(self) -> np.ndarray:
         """Return the pairs of edges that see each other, as `search.links`."""
-        return search.links(self.faces, self.balls, self.blocking, self.table.opaque, self.loudness)
+        return search.links(self.walls)
 
     def chains(self, places: np.ndarray, longest: int) -> np.ndarray:
         """Return the sequences (K, max(longest, 1)) of at most `longest` faces that a beam of a cell meets, -1 beyond the last.
 
         places: (P, 3) sensor positions in the cell; the first is its centre.
         """
-        cell = search.Cell(places + 1.5 * field.NUDGE / self.wavenumber, CELL_M)
-        return self._beams(cell, longest, self._bounds(np.zeros(4), 0.0)).chain
-
-    def reaches(self, chains: np.ndarray, sensor: np.ndarray, centre: np.ndarray, radius: float) -> np.ndarray:
-        """Return which sequences of faces (K, C) can carry a line from the sensor to a ball, with a margin of BESIDE_M."""
-        good = np.ones(len(chains), bool)
-        at = np.repeat(sensor[None], len(chains), axis=0)
-        normal, offset = _ended(self.faces.normal)[chains], _ended(self.faces.offset)[chains]
-        images = [at]
-        for i in range(chains.shape[1]):
-            height = np.einsum("ki,ki->k", at, normal[:, i]) - offset[:, i]
-            at = np.where((chains[:, i] >= 0)[:, None], at - 2 * height[:, None] * normal[:, i], at)
-            images.append(at)
-        target, reach = np.repeat(centre[None], len(chains), axis=0), np.full(len(chains), radius)
-        balls, sizes = (_ended(values) for values in self.balls)
-        for i in reversed(range(chains.shape[1])):
-            used = chains[:, i] >= 0
-            below = np.einsum("ki,ki->k", images[i + 1], normal[:, i]) - offset[:, i]
-            above = np.einsum("ki,ki->k", target, normal[:, i]) - offset[:, i]
-            opposite = (below * above < 0) | (np.abs(above) <= reach)
-            share = np.abs(below) / np.maximum(np.abs(below) + np.abs(above), 1e-9)
-            point = images[i + 1] + share[:, None] * (target - images[i + 1])
-            close = np.linalg.norm(point - balls[chains[:, i]], axis=1) <= sizes[chains[:, i]] + reach + BESIDE_M
-            good &= ~used | (opposite & close)
-            target = np.where(used[:, None], point, target)
-        return good
+        return search.beams(self.walls, search.Cell(places + 1.5 * field.NUDGE / self.wavenumber, CELL_M, np.zeros(4), 0.0), longest).chain
 
     def loudness_of(self, chains: np.ndarray) -> np.ndarray:
-        """Return the product (K,) of the largest reflection coefficients of sequences of faces (K, C)."""
-        return np.where(chains >= 0, _ended(self.loudness)[chains], 1.0).prod(axis=1)
+        """Return the product (K,) of the largest reflection coefficients of sequences of faces (K, C), -1 beyond the last."""
+        return np.append(self.loudness, 1.0)[chains].prod(axis=1)
 
-    def paths(
-        self, poses: np.ndarray, velocity: np.ndarray, radar: Radar, max_bounces: int, prune: float, searched: Searched | None = None
-    ) -> list[Paths]:
+    def paths(self, poses: np.ndarray, velocity: np.ndarray, radar: Radar, prune: float, searched: Searched) -> list[Paths]:
         """Return the paths without and with edges.
 
         Args:
             poses: (F, 4, 4) sensor to world. velocity: (F, 3) of the sensor, m/s.
-            max_bounces: largest number of reflections.
             prune: drop paths whose amplitude, with the element gain, is below this times the pose's strongest path.
-            searched: the sequences that `searched` has found for these places; None searches for them.
+            searched: the sequences that `searched` has found for these places.
         """
-        searched = self.searched(poses, radar, max_bounces, prune) if searched is None else searched
         every, active = searched.sequences, np.zeros((len(poses), len(searched.sequences)), bool)
         for pose, test in enumerate(_nearest(_points(poses), searched.places)):
             active[pose, searched.of_test[test]] = True
@@ -257,30 +236,28 @@ class FlatRoom:
         # Pairs of edges are numerous. Those that are weak at a few places of the cell are left out.
         coarse = beside.reshape(-1, 4, 4)[_apart(beside.reshape(-1, 4, 4), COARSE)]
         limit = np.where(double, EARLY * prune * strongest.min(), -np.inf)
-        every = every.where(~double | self._strong_at(every, np.flatnonzero(double), coarse, radar, limit, self._nothing)[0])
+        every = every.where(~double | self._strong_at(every, np.flatnonzero(double), coarse, radar, limit, self._unblocked)[0])
         double = every.edge[:, 1] >= 0
         for three, loudest in zip(beside, strongest, strict=True):
             limit = np.where(double, LATE, EARLY) * prune * loudest
-            near = self._levels(every, np.arange(len(every)), three[0], radar, 0.0, self._nothing, margin)[1] > EARLY * limit
-            pairs = self._strong_at(every, np.flatnonzero(near & double), three, radar, limit, None)[0]
-            strong, exists = self._strong_at(every, np.flatnonzero(near & ~double), three, radar, limit, self._nothing)
+            near = self._levels(every, np.arange(len(every)), three[0], radar, 0.0, self._unblocked, margin)[1] > EARLY * limit
+            pairs = self._strong_at(every, np.flatnonzero(near & double), three, radar, limit, self._middle)[0]
+            strong, exists = self._strong_at(every, np.flatnonzero(near & ~double), three, radar, limit, self._unblocked)
             out.append(every.where(pairs | strong | (near & ~double & ~exists)))
         return out
 
     def _strong_at(
         self, every: search.Sequences, which: np.ndarray, poses: np.ndarray, radar: Radar, limit: np.ndarray,
-        blocking: obstacles.Hierarchy | None,
+        walls: field.Walls,
     ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
         """Return which of the K sequences, of those with the indices `which`, have a level above `limit` (K,) at one of several poses, and
         which exist there.
-
-        blocking: as in `_levels`.
         """
         strong, exists = np.zeros((2, len(every)), bool)
         for pose in poses:
             which = which[~strong[which]]
             least = self._least(radar, float(limit[which].min(initial=np.inf)))
-            there, level = self._levels(every, which, pose, radar, least, blocking)
+            there, level = self._levels(every, which, pose, radar, least, walls)
             exists[which] |= there
             strong[which] = level > limit[which]
         return strong, exists
@@ -308,33 +285,20 @@ class FlatRoom:
         """Return the ratio of the weakest field that matters to the level (received amplitude with gain) of the strongest path."""
         return share * 2 * self.wavenumber / float(radar.gain([1.0, 0.0, 0.0])) ** 2
 
-    @cached_property
-    def _nothing(self) -> obstacles.Hierarchy:
-        """Return obstacles of which there are none."""
-        return obstacles.build(np.zeros((0, 3, 3)), np.zeros(0, int))
-
     def _levels(
         self, every: search.Sequences, which: np.ndarray, pose: np.ndarray, radar: Radar, least: float,
-        blocking: obstacles.Hierarchy | None = None, margin: float = 0.0,
+        walls: field.Walls | None = None, margin: float = 0.0,
     ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
         """Return which sequences (N,) have a path at a pose (4, 4), and the levels (N,) of the paths with a field of at least `least`.
 
-        blocking: obstacles; None means those of the room. margin: by which the sensor can move, as in `field.evaluate`.
+        walls: None means `_middle`. margin: by which the sensor can move, as in `field.evaluate`.
         """
-        one = pose[None], np.full(1, least), self._middle, blocking, margin
+        one = pose[None], np.full(1, least), walls or self._middle, margin
         strong, (amplitude, length, departure, arrival, _) = self._fields(every, np.zeros(len(which), int), which, *one)
         level, rotation = np.zeros(len(which)), pose[:3, :3]
         gain = both_gains(radar, departure[strong] @ rotation, arrival[strong] @ rotation)
         level[strong] = np.abs(amplitude[strong, 0]) * gain / (2 * self.wavenumber)
         return length[:, 0] != 0, level
-
-    def _beams(self, cell: search.Cell, longest: int, bounds: search.Levels) -> search.Beams:
-        return search.beams(self.faces, self.balls, self.blocking, self.table.opaque, self.loudness, bounds, cell, longest)
-
-    def _bounds(self, front: np.ndarray, least: float) -> search.Levels:
-        """Return upper bounds of fields for a plane (4,) in front of the sensor and the weakest field that matters."""
-        through = np.maximum(np.abs(self.table.through_te).max(axis=(1, 2)), np.abs(self.table.through_tm).max(axis=(1, 2)))
-        return search.Levels(self._envelope, through, front, least)
 
     def _sequences(
         self, places: np.ndarray, eyes: np.ndarray, radar: Radar, max_bounces: int, prune: float, twice: bool
@@ -349,30 +313,28 @@ class FlatRoom:
         at = seen[:, :3, 3] + 1.5 * seen[:, :3, :3] @ field.NUDGE / self.wavenumber
         reach = CELL_M + margin
         beside = [_shifted(places[:1], margin / 2 * way)[:, :3, 3] for way in (*np.eye(3), *-np.eye(3))]
-        cell, forward = search.Cell(np.concatenate([at, *beside]), reach), places[0, :3, 0]
+        forward = places[0, :3, 0]
         sees_behind = radar.sees_behind or np.abs(places[:, :3, 0] - forward).max() > 1e-3
         front = np.zeros(4) if sees_behind else np.append(forward, forward @ at[0] - reach)
-        least = 0.0
+        cell = search.Cell(np.concatenate([at, *beside]), reach, front, 0.0)
         for longest in (min(2, max_bounces), max_bounces):  # the strongest path of the first pass sets the threshold of the second
-            bounds = self._bounds(front, least)
-            beams = self._beams(cell, longest - 1, bounds)
-            parts = search.closed(self.faces, self.balls, beams, self.loudness, least, cell, longest)
-            closed = search.Sequences.joined([self._strong_near(part, places[0], radar, least, reach) for part in parts])
+            beams = search.beams(self.walls, cell, longest - 1)
+            parts = search.closed(self.walls, cell, beams, longest)
+            closed = search.Sequences.joined([self._strong_near(part, places[0], radar, cell) for part in parts])
             # the weakest, over all places, of the strongest paths
-            levels = [self._levels(closed, np.arange(len(closed)), place, radar, least)[1] for place in places[_apart(places, COARSE)]]
-            least = self._least(radar, prune) * min(one.max(initial=0.0) for one in levels)
-        bounds = self._bounds(front, least)
-        arrivals, passed = search.reached(
-            self.faces, self.blocking, self.table.opaque, bounds, cell, beams, max_bounces, self.wavenumber, twice
-        )
+            coarse = places[_apart(places, COARSE)]
+            levels = [self._levels(closed, np.arange(len(closed)), place, radar, cell.least)[1] for place in coarse]
+            cell = cell._replace(least=self._least(radar, prune) * min(one.max(initial=0.0) for one in levels))
+        arrivals, passed = search.reached(self.walls, cell, beams, max_bounces, twice)
         strength = passed * self._strengths(beams, arrivals, places, radar)
         linked = self.links if twice else np.zeros((0, 3), int)
-        edged = search.sequences(self.faces, beams, arrivals, strength, linked, self.loudness, self.wavenumber, max_bounces, least, reach)
-        return self._strong_near(search.Sequences.joined([closed, edged]), places[0], radar, least, reach)
+        edged = search.sequences(self.walls, cell, beams, arrivals, strength, linked, max_bounces)
+        return self._strong_near(search.Sequences.joined([closed, edged]), places[0], radar, cell)
 
-    def _strong_near(self, every: search.Sequences, place: np.ndarray, radar: Radar, least: float, reach: float) -> search.Sequences:
-        """Return the sequences whose path can be strong at a sensor that is at most `reach` from a place."""
-        return every.where(self._levels(every, np.arange(len(every)), place, radar, ELSEWHERE * least, self._nothing, reach)[1] > 0)
+    def _strong_near(self, every: search.Sequences, place: np.ndarray, radar: Radar, cell: search.Cell) -> search.Sequences:
+        """Return the sequences whose path can be strong at a sensor in a cell around a place."""
+        near = every, np.arange(len(every)), place, radar, ELSEWHERE * cell.least, self._unblocked, cell.radius
+        return every.where(self._levels(*near)[1] > 0)
 
     def _strengths(self, found: search.Beams, arrivals: np.ndarray, poses: np.ndarray, radar: Radar) -> np.ndarray:
         """Return the largest field (M,) at one metre with which each beam reaches the ends or the middle of its edge, at any of the poses.
@@ -399,26 +361,17 @@ class FlatRoom:
         return strength * gain / float(radar.gain([1.0, 0.0, 0.0]))
 
     def _fields(
-        self,
-        every: search.Sequences,
-        pose: np.ndarray,
-        which: np.ndarray,
-        poses: np.ndarray,
-        least: np.ndarray,
-        tables: field.Tables,
-        blocking: obstacles.Hierarchy | None = None,
+        self, every: search.Sequences, pose: np.ndarray, which: np.ndarray, poses: np.ndarray, least: np.ndarray, walls: field.Walls,
         margin: float = 0.0,
-    ) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
+    ) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:  # fmt: skip
         """Return which pairs (N,) of a pose and a sequence have a path, and amplitude, lengths, departure, arrival and points of all."""
-        n, q, points = len(pose), tables.te.shape[2], every.chain.shape[1] + 2
+        n, q, points = len(pose), walls.tables.te.shape[2], every.chain.shape[1] + 2
         values = (
             np.zeros((n, q), complex), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3)), np.full((n, points, 3), np.nan)
         )  # fmt: skip
         arguments = (
-            self.faces, self.blocking if blocking is None else blocking, self.table.opaque, tables,
-            self.wavenumber, poses[:, :3, :3] @ field.NUDGE / self.wavenumber,
-            every.count, every.chain, every.edge, np.ascontiguousarray(pose), np.ascontiguousarray(which),
-            np.ascontiguousarray(poses[:, :3, 3]), np.ascontiguousarray(poses[:, :3, 2]), least, margin,
+            every.chain.shape[1], q, walls, poses[:, :3, :3] @ field.NUDGE / self.wavenumber, every.count, every.chain, every.edge,
+            *map(np.ascontiguousarray, (pose, which, poses[:, :3, 3], poses[:, :3, 2])), least, margin,
         )  # fmt: skip
         shared_out(field.evaluate, n, *arguments, *values, pieces=16)
         return np.flatnonzero(values[1][:, 0] > 0), values
@@ -445,8 +398,9 @@ class FlatRoom:
         computed at all channels. The place of a channel is the middle between its two elements.
         """
         channels, middle = _channels(radar), len(self.table.frequencies_hz) // 2
-        offsets = np.array([np.zeros(3), *_outermost(radar)])
-        every_value = self._fields(every, pose, which, poses, least, self.tables)[1]
+        outermost, straight, share = _along_array(channels, radar.wavelength_m)
+        offsets = np.array([np.zeros(3), *outermost])
+        every_value = self._fields(every, pose, which, poses, least, self.walls)[1]
         level = np.zeros((3, len(pose)))
         level[0] = np.abs(every_value[0][:, middle])
         strongest = np.zeros(len(poses))
@@ -467,12 +421,11 @@ class FlatRoom:
         best = np.where(level[0] > 0, 0, level.argmax(axis=0))
         for k in (1, 2):
             rows = np.flatnonzero(best == k)
-            beside = self._fields(every, pose[rows], which[rows], _shifted(poses, offsets[k]), 0 * least, self.tables)[1]
+            beside = self._fields(every, pose[rows], which[rows], _shifted(poses, offsets[k]), 0 * least, self.walls)[1]
             for values, value in zip(every_value, beside, strict=True):
                 values[rows] = value
         there = np.flatnonzero(level.max(axis=0) > 0)
         amplitude, length, departure, arrival, met = (values[there] for values in every_value)
-        straight, share = _along_array(channels, radar.wavelength_m)
         uneven = np.flatnonzero((change[there] > UNEVEN * level[:, there].max(axis=0)) | (np.isin(there, apart) & (not straight)))
         gain = np.ones((len(there), len(channels)), complex)
         some = there[uneven]
@@ -485,46 +438,40 @@ class FlatRoom:
             gain[uneven, c] = one[:, 0] / amplitude[uneven, middle]
         offset = offsets[best[there]]
         pose, which = pose[there], which[there]
-        # both directions of a path that is listed once; the reverse has the same gain
-        both = np.flatnonzero(every.reversible[which])
-        row = np.concatenate([np.arange(len(which)), both])
-        one = np.arange(len(row)) < len(which)
-        row, one = (values[np.argsort(pose[row], kind="stable")] for values in (row, one))
-        frequencies, rotation = self.table.frequencies_hz, poses[pose[row], :3, :3]
-        edges = every.edge[which[row]] >= 0
-        size = np.stack([length[:, 0] + length[:, 1] / 2, length[:, 2] + length[:, 1] / 2])
-        ways = [np.einsum("nij,ni->nj", rotation, way[row]) for way in (departure, arrival)]
-        sizes = [size[0][row], size[1][row]]
+        frequencies, rotation, edges = self.table.frequencies_hz, poses[pose, :3, :3], every.edge[which] >= 0
+        sizes = [length[:, end] + length[:, 1] / 2 for end in (0, 2)]
+        ways = [np.einsum("nij,ni->nj", rotation, way) for way in (departure, arrival)]
         mirror = None
         if not edges.any():
-            mirror = np.swapaxes(rotation, 1, 2) @ self._mirrors(every)[which[row]] @ rotation
+            mirror = np.swapaxes(rotation, 1, 2) @ self.maps(every.chain)[which, :, :3] @ rotation
             total = sizes[0] + sizes[1]
-            moved = [np.einsum("nij,nj->ni", m, offset[row]) for m in (np.swapaxes(mirror, 1, 2), mirror)]
-            ways = [total[:, None] * way + offset[row] - shift for way, shift in zip(ways, moved, strict=True)]
+            moved = [np.einsum("nij,nj->ni", m, offset) for m in (np.swapaxes(mirror, 1, 2), mirror)]
+            ways = [total[:, None] * way + offset - shift for way, shift in zip(ways, moved, strict=True)]
             sizes = [np.linalg.norm(ways[0], axis=1) / 2] * 2
         else:
-            ways = [distance[:, None] * way + offset[row] for way, distance in zip(ways, sizes, strict=True)]
+            ways = [distance[:, None] * way + offset for way, distance in zip(ways, sizes, strict=True)]
             sizes = [np.linalg.norm(way, axis=1) for way in ways]
-        ways = [way / np.linalg.norm(way, axis=1, keepdims=True) for way in ways]
-        swapped = ~one[:, None]
-        departs, arrives = np.where(swapped, ways[1], ways[0]), np.where(swapped, ways[0], ways[1])
-        inwards, outwards = np.where(one, sizes[0], sizes[1]), np.where(one, sizes[1], sizes[0])
-        turned = np.einsum("nji,nj->ni", rotation, velocity[pose[row]])
-        points = every.count[which[row]].sum(axis=1) + edges.sum(axis=1)
-        return Paths(
-            len(poses), pose[row], points, amplitude[row].conj() * (SPEED_OF_LIGHT / frequencies / (4 * np.pi)), frequencies, inwards,
-            outwards, departs, arrives, -np.einsum("ni,ni->n", departs + arrives, turned), mirror,
-            gain[row].conj(), met[row],
+        departs, arrives = (way / np.linalg.norm(way, axis=1, keepdims=True) for way in ways)
+        turned = np.einsum("nji,nj->ni", rotation, velocity[pose])
+        points = every.count[which].sum(axis=1) + edges.sum(axis=1)
+        out = Paths(
+            len(poses), pose, points, amplitude.conj() * (SPEED_OF_LIGHT / frequencies / (4 * np.pi)), frequencies, sizes[0], sizes[1],
+            departs, arrives, -np.einsum("ni,ni->n", departs + arrives, turned), mirror, gain.conj(), met,
         )  # fmt: skip
+        # a path that is listed once also runs in reverse, with the same gain
+        back = out.where(every.reversible[which])
+        lengths = {"length_in_m": back.length_out_m, "length_out_m": back.length_in_m}
+        return Paths.concatenate([out, replace(back, departure=back.arrival, arrival=back.departure, **lengths)])
 
-    def _mirrors(self, every: search.Sequences) -> np.ndarray:
-        """Return the mirror maps (K, 3, 3) of sequences without edges."""
-        mirrors = np.tile(np.eye(3), (len(every), 1, 1))
-        flips = np.eye(3) - 2 * self.faces.normal[:, :, None] * self.faces.normal[:, None, :]
-        for i in range(every.chain.shape[1]):
-            used = (every.edge[:, 0] < 0) & (i < every.count[:, 0])
-            mirrors[used] = flips[every.chain[used, i]] @ mirrors[used]
-        return mirrors
+    def maps(self, chains: np.ndarray) -> np.ndarray:
+        """Return the maps (K, 3, 4) of a point to its image in the faces of each sequence (K, C), -1 beyond the last."""
+        maps = np.tile(np.eye(3, 4), (len(chains), 1, 1))
+        for face in chains.T:
+            used = np.flatnonzero(face >= 0)
+            normal, offset = self.faces.normal[face[used]], self.faces.offset[face[used], None]
+            maps[used] -= 2 * normal[:, :, None] * np.einsum("ki,kij->kj", normal, maps[used])[:, None]
+            maps[used, :, 3] += 2 * offset * normal
+        return maps
 
 
 def _channels(radar: Radar) -> np.ndarray:
@@ -532,27 +479,21 @@ def _channels(radar: Radar) -> np.ndarray:
     return (radar.tx_positions[:, None] + radar.rx_positions[None]).reshape(-1, 3) / 2
 
 
-def _outermost(radar: Radar) -> tuple[np.ndarray, np.ndarray]:
-    """Return the two channels (3,), (3,) that are farthest apart."""
-    channels = _channels(radar)
-    away = np.linalg.norm(channels[:, None] - channels[None], axis=2)
-    first, last = np.unravel_index(away.argmax(), away.shape)
-    return channels[first], channels[last]
-
-
 def _margin(radar: Radar) -> float:
     """Return the margin in metres around a test place: of the poses near it, and of the channels of the array."""
     return MARGIN_M + float(np.linalg.norm(_channels(radar), axis=1).max())
 
 
-def _along_array(channels: np.ndarray, wavelength_m: float) -> tuple[bool, np.ndarray]:
-    """Return whether channels (C, 3) lie on a line of at most SHORT wavelengths, and their places (C,) on it from 0 to 1."""
+def _along_array(channels: np.ndarray, wavelength_m: float) -> tuple[np.ndarray, bool, np.ndarray]:
+    """Return the two of the channels (C, 3) that are farthest apart (2, 3), whether all lie on a line of at most SHORT wavelengths between
+    these two, and their places (C,) on it from 0 to 1.
+    """
     away = np.linalg.norm(channels[:, None] - channels[None], axis=2)
-    first, last = np.unravel_index(away.argmax(), away.shape)
-    way = channels[last] - channels[first]
-    share = (channels - channels[first]) @ way / max(float(way @ way), 1e-12)
-    aside = np.linalg.norm(channels - channels[first] - share[:, None] * way, axis=1).max()
-    return bool(aside < 0.1 * wavelength_m and away.max() < SHORT * wavelength_m), share
+    ends = channels[list(np.unravel_index(away.argmax(), away.shape))]
+    way = ends[1] - ends[0]
+    share = (channels - ends[0]) @ way / max(float(way @ way), 1e-12)
+    aside = np.linalg.norm(channels - ends[0] - share[:, None] * way, axis=1).max()
+    return ends, bool(aside < 0.1 * wavelength_m and away.max() < SHORT * wavelength_m), share
 
 
 def _shifted(poses: np.ndarray, offset: np.ndarray) -> np.ndarray:
@@ -560,11 +501,6 @@ def _shifted(poses: np.ndarray, offset: np.ndarray) -> np.ndarray:
     out = poses.copy()
     out[:, :3, 3] += poses[:, :3, :3] @ offset
     return out
-
-
-def _ended(values: np.ndarray) -> np.ndarray:
-    """Return values (P, ...) of faces with a row of zeros for the index -1, which stands for no face."""
-    return np.concatenate([values, np.zeros((1, *values.shape[1:]))])
 
 
 def _kinds(every: search.Sequences) -> tuple[np.ndarray, np.ndarray]:

@@ -18,12 +18,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from radartwin.compiled import compiled, cores, each, innermost
-from radartwin.simulation.flat.convex import clip, twice_area
+from radartwin.compiled import compiled, cores, each, gathered, innermost
+from radartwin.simulation.flat.convex import clip, copy, twice_area
 from radartwin.simulation.flat.faces import Faces
-from radartwin.simulation.flat.field import beside, edge_point, grazed_face, keller, open_angle, panes_on, reflect_points
-from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, crossed
-from radartwin.simulation.flat.vectors import distance, dot, moved, toward, vector
+from radartwin.simulation.flat.field import Walls, beside, edge_point, grazed_face, keller, mirrored, open_angle, panes_on, reflect_points
+from radartwin.simulation.flat.obstacles import MAX_PANES, Point, Vector, crossed
+from radartwin.simulation.flat.vectors import cross, distance, dot, moved, norm, toward, vector
 
 SPARE = 16  # a beam can have this many corners more than the outlines of the faces; further corners are left out
 SAMPLES = (0.02, 0.25, 0.5, 0.75, 0.98)  # places along an edge, relative to its length, where its visibility is tested
@@ -40,32 +40,21 @@ TINY_M2 = 1e-6  # twice the smallest area of a beam on a face
 
 
 class Cell(NamedTuple):
-    """Hold a ball of sensor positions: the centre and other places (S, 3), centre first, between which visibility is tested, and the radius
-    in metres of the ball around the centre.
-    """
-
-    places: np.ndarray
-    radius: float
-
-
-class Levels(NamedTuple):
-    """Hold upper bounds of the fields of paths, to leave out beams, edges and faces whose paths are too weak.
+    """Hold a ball of sensor positions, and which paths of its sensors matter.
 
     Attributes:
-        envelope: (P, C) largest reflection coefficient of each face over all angles at least as steep as each of C cosines.
-        through: (S,) largest transmission coefficient of each surface.
+        places: (S, 3) the centre and other places, between which visibility is tested. radius: of the ball around the centre, metres.
         front: (4,) plane behind which the sensor has no antenna gain, as unit normal and offset; zeros if there is none.
         least: weakest field of a path that matters, in 1/m.
     """
 
-    envelope: np.ndarray
-    through: np.ndarray
+    places: np.ndarray
+    radius: float
     front: np.ndarray
     least: float
 
 
-@dataclass(frozen=True)
-class Beams:
+class Beams(NamedTuple):
     """Hold N beams, ordered by their number of reflections. Beam 0 has no reflection and starts at the sensor.
 
     Attributes:
@@ -83,7 +72,9 @@ class Beams:
 
 
 @innermost
-def _planes(faces: Faces, last: int, at: Vector, radius: float, polygon: np.ndarray, count: int, front: np.ndarray, out: np.ndarray) -> int:
+def beam_planes(
+    faces: Faces, last: int, at: Vector, radius: float, polygon: np.ndarray, count: int, front: np.ndarray, out: np.ndarray
+) -> int:
     """Write the planes that bound a beam, as unit normals that point inwards and offsets (count, 4); returns their number.
 
     The first plane is that of the beam's last face. The others run through the sides of its polygon and touch the far side of the ball
@@ -99,34 +90,33 @@ def _planes(faces: Faces, last: int, at: Vector, radius: float, polygon: np.ndar
         return 0
     side = -1.0 if height > 0 else 1.0
     out[0, 0], out[0, 1], out[0, 2], out[0, 3] = side * normal[0], side * normal[1], side * normal[2], side * faces.offset[last]
-    middle, used = _middle(polygon, count), 1
+    middle, used = middle_of(polygon, count), 1
     for i in range(count):
         one, two = vector(polygon, i), vector(polygon, (i + 1) % count)
         length = distance(one, two)
         if length < EQUAL_M:
             continue
-        ax, ay, az, bx, by, bz = one[0] - at[0], one[1] - at[1], one[2] - at[2], two[0] - at[0], two[1] - at[1], two[2] - at[2]
-        normal = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-        side = 1 / max(math.sqrt(dot(normal, normal)), 1e-30)
+        normal = cross(toward(at, one, 1.0), toward(at, two, 1.0))
+        side = 1 / max(norm(normal), 1e-30)
         if dot(normal, middle) < dot(normal, at):
             side = -side
         inwards = side * normal[0], side * normal[1], side * normal[2]
         # turn the plane about the side of the polygon until it touches the ball: by the angle under which the side sees the radius
         way = toward(one, two, length)
-        foot = moved(one, way, dot((at[0] - one[0], at[1] - one[1], at[2] - one[2]), way))
+        foot = moved(one, way, dot(toward(one, at, 1.0), way))
         away = distance(at, foot)
         sine = min(radius / max(away, 1e-30), 1.0)
         cosine = math.sqrt(1 - sine * sine)
         back = toward(foot, at, max(away, 1e-30))
         for k in range(3):
             out[used, k] = cosine * inwards[k] - sine * back[k]
-        out[used, 3] = out[used, 0] * one[0] + out[used, 1] * one[1] + out[used, 2] * one[2]
+        out[used, 3] = dot(out[used], one)
         used += 1
     return used
 
 
 @innermost
-def _middle(polygon: np.ndarray, count: int) -> Vector:
+def middle_of(polygon: np.ndarray, count: int) -> Vector:
     x, y, z = 0.0, 0.0, 0.0
     for i in range(count):
         x, y, z = x + polygon[i, 0], y + polygon[i, 1], z + polygon[i, 2]
@@ -140,6 +130,25 @@ def _level(plane: np.ndarray, i: int, x: Vector) -> float:
 
 
 @innermost
+def part_inside(planes: np.ndarray, count: int, start: Vector, along: Vector, length: float) -> tuple[float, float]:
+    """Return the first and the last place in metres of the part of an edge before all planes (count, 4). Without such a part, the first
+    place is not before the last one.
+    """
+    low, high, end = 0.0, length, moved(start, along, length)
+    for i in range(count):
+        first, second = _level(planes, i, start), _level(planes, i, end)
+        if first < 0 and second < 0:
+            high = -1.0
+        elif first < 0:
+            low = max(low, length * first / (first - second))
+        elif second < 0:
+            high = min(high, length * first / (first - second))
+        if low >= high:
+            break
+    return low, high
+
+
+@innermost
 def _within(planes: np.ndarray, count: int, x: Vector, radius: float) -> bool:
     """Return False if a ball is wholly behind at least one of the planes (count, 4), otherwise True."""
     i = 0
@@ -149,10 +158,7 @@ def _within(planes: np.ndarray, count: int, x: Vector, radius: float) -> bool:
 
 
 @innermost
-def _passed(
-    tree: Hierarchy, opaque: np.ndarray, through: np.ndarray, start: Point, points: np.ndarray, count: int, end: Point,
-    found: np.ndarray, least: float,
-) -> float:  # fmt: skip
+def _passed(walls: Walls, start: Point, points: np.ndarray, count: int, end: Point, found: np.ndarray, least: float) -> float:
     """Return the product of the largest transmission coefficients of the panes on the path from `start` via `points` (count, 3) to `end`.
 
     Return 0 if the path is blocked or the transmission is below `least`. found: (MAX_PANES,) memory.
@@ -160,11 +166,11 @@ def _passed(
     to, factor = (end[0], end[1], end[2]), 1.0
     for i in range(count - 1, -2, -1):
         at = (points[i, 0], points[i, 1], points[i, 2]) if i >= 0 else (start[0], start[1], start[2])
-        panes = crossed(tree, at, to, opaque, found)
+        panes = crossed(walls.tree, at, to, walls.opaque, found)
         if panes < 0:
             return 0.0
         for k in range(panes):
-            factor *= float(through[tree.label[found[k]]])
+            factor *= float(walls.through[walls.tree.label[found[k]]])
         if factor < least:
             return 0.0
         to = at
@@ -203,126 +209,108 @@ def _beyond(polygon: np.ndarray, count: int, middle: Vector, at: Vector) -> floa
 
 
 @compiled
-def _grown(
-    faces: Faces, centre: np.ndarray, radius: np.ndarray, tree: Hierarchy, opaque: np.ndarray, loudness: np.ndarray, levels: Levels,
-    cell: Cell, start: int, stop: int, chain: np.ndarray, order: np.ndarray, image: np.ndarray, polygon: np.ndarray,
-    corners: np.ndarray, strength: np.ndarray, passed: np.ndarray, used: int,
-) -> tuple[int, int]:  # fmt: skip
+def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, used: int) -> tuple[int, int]:
     """Append the beams that follow beams start:stop. Returns the number of beams, and the first of the beams start:stop whose followers did
     not fit into the arrays.
     """
-    most = polygon.shape[1]
+    faces, most = walls.faces, beams.polygon.shape[1]
     planes, one, two = np.empty((most + 1, 4)), np.empty((most, 3)), np.empty((most, 3))
-    points, found = np.empty((chain.shape[1] + 1, 3)), np.empty(MAX_PANES, np.int64)
+    points, found = np.empty((beams.chain.shape[1] + 1, 3)), np.empty(MAX_PANES, np.int64)
     place, reach = vector(cell.places, 0), cell.radius
-    faces_of = np.empty(chain.shape[1], np.int64)
+    faces_of = np.empty(beams.chain.shape[1], np.int64)
     for b in range(start, stop):
-        m, known = order[b], used
-        faces_of[:m] = chain[b, :m]
-        before, at = chain[b, :m], vector(image, b)
-        last = chain[b, m - 1] if m else -1
-        bounds = _planes(faces, last, at, reach, polygon[b], corners[b], levels.front, planes)
+        m, known = beams.order[b], used
+        before, at = beams.chain[b, :m], vector(beams.image, b)
+        faces_of[:m] = before
+        last = before[m - 1] if m else -1
+        bounds = beam_planes(faces, last, at, reach, beams.polygon[b], beams.corners[b], cell.front, planes)
         for p in range(len(faces.offset)):
             height = dot(at, vector(faces.normal, p)) - faces.offset[p]
-            if p == last or loudness[p] == 0 or not _within(planes, bounds, vector(centre, p), radius[p]):
+            if p == last or walls.loudness[p] == 0 or not _within(planes, bounds, vector(walls.centre, p), walls.radius[p]):
                 continue
             count = faces.corners[p]
-            for i in range(count):
-                one[i, 0], one[i, 1], one[i, 2] = faces.outline[p, i, 0], faces.outline[p, i, 1], faces.outline[p, i, 2]
+            copy(faces.outline[p], count, one)
             for i in range(bounds):
                 aside = 1e-6 if i == 0 and m else 0.0
-                count = clip(one, count, planes[i, 0], planes[i, 1], planes[i, 2], planes[i, 3] + aside, two)
+                count = clip(one, count, vector(planes, i), planes[i, 3] + aside, two)
                 one, two = two, one
                 if count == 0:
                     break
             if count == 0 or twice_area(one, count) < TINY_M2:
                 continue
-            middle = _middle(one, count)
+            middle = middle_of(one, count)
             faces_of[m] = p
-            reflected = _reflected(faces, levels.envelope, faces_of[: m + 1], at, reach, one, count)
+            reflected = _reflected(faces, walls.envelope, faces_of[: m + 1], at, reach, one, count)
             away = _beyond(one, count, middle, at) + _beyond(one, count, middle, place) - 2 * reach
-            least = levels.least * max(away, 0.0) / BOTH
-            if reflected * passed[b] < max(least, 1e-30):
+            least = cell.least * max(away, 0.0) / BOTH
+            if reflected * beams.passed[b] < max(least, 1e-30):
                 continue
             lit, met = 0.0, False
             for sample in range(len(cell.places) * (2 * count + 1)):  # the middle, and two points on the way to each corner
                 source, i = cell.places[sample // (2 * count + 1)], sample % (2 * count + 1) - 1
                 share = 0.0 if i < 0 else 0.5 if i < count else 0.9
                 corner = vector(one, i % count)
-                x = (
-                    middle[0] + share * (corner[0] - middle[0]),
-                    middle[1] + share * (corner[1] - middle[1]),
-                    middle[2] + share * (corner[2] - middle[2]),
-                )
+                x = moved(middle, toward(middle, corner, 1.0), share)
                 if reflect_points(faces, source, before, x, points):
                     met = True
-                    lit = max(lit, _passed(tree, opaque, levels.through, source, points, m, x, found, least / reflected))
-                    if lit >= passed[b]:
+                    lit = max(lit, _passed(walls, source, points, m, x, found, least / reflected))
+                    if lit >= beams.passed[b]:
                         break
             if not met:  # only places between the tested ones see a part of the beam
-                lit = passed[b]
+                lit = beams.passed[b]
             if lit == 0:
                 continue
-            if used == len(order):
+            if used == len(beams.order):
                 return known, b
-            chain[used, :m], chain[used, m], chain[used, m + 1 :], order[used] = before, p, -1, m + 1
-            image[used] = image[b] - 2 * height * faces.normal[p]
-            polygon[used, :count], corners[used] = one[:count], count
-            strength[used], passed[used] = reflected * lit, lit
+            beams.chain[used, :m], beams.chain[used, m], beams.chain[used, m + 1 :], beams.order[used] = before, p, -1, m + 1
+            beams.image[used] = beams.image[b] - 2 * height * faces.normal[p]
+            beams.polygon[used, :count], beams.corners[used] = one[:count], count
+            beams.strength[used], beams.passed[used] = reflected * lit, lit
             used += 1
     return used, stop
 
 
-def beams(
-    faces: Faces, balls: tuple[np.ndarray, np.ndarray], tree: Hierarchy, opaque: np.ndarray, loudness: np.ndarray, levels: Levels,
-    cell: Cell, longest: int,
-) -> Beams:  # fmt: skip
-    """Follow the beams of a cell.
-
-    Args:
-        balls: centre (P, 3) and radius (P,) of a ball around each face. loudness: (P,) largest reflection coefficient of each face.
-        levels: bounds of fields; weaker beams are left out.
-        longest: largest number of reflections.
-    """
-    most, room = faces.outline.shape[1] + SPARE, 4096
+def beams(walls: Walls, cell: Cell, longest: int) -> Beams:
+    """Follow the beams of a cell over at most `longest` reflections. Beams too weak for `Cell.least` are left out."""
+    most, room = walls.faces.outline.shape[1] + SPARE, 4096
     shapes = (max(longest, 1),), (), (3,), (most, 3), (), (), ()  # chain, order, image, polygon, corners, strength and transmission
     kinds = (int, int, float, float, int, float, float)
-    arrays = [np.empty((room, *shape), kind) for shape, kind in zip(shapes, kinds, strict=True)]
-    for values, first in zip(arrays, (-1, 0, cell.places[0], 0, 0, 1, 1), strict=True):
+    found = Beams(*(np.empty((room, *shape), kind) for shape, kind in zip(shapes, kinds, strict=True)))
+    for values, first in zip(found, (-1, 0, cell.places[0], 0, 0, 1, 1), strict=True):
         values[0] = first
     start, used = 0, 1
     for _ in range(longest):
         end = used
         while start < end:
-            used, start = _grown(faces, *balls, tree, opaque, loudness, levels, cell, start, end, *arrays, used)
+            used, start = _grown(walls, cell, found, start, end, used)
             if start < end:
-                arrays = [np.concatenate([values, np.empty_like(values)]) for values in arrays]
-    return Beams(*(values[:used] for values in arrays))
+                found = Beams(*(np.concatenate([values, np.empty_like(values)]) for values in found))
+    return Beams(*(values[:used] for values in found))
 
 
 @compiled
 def _reach(
-    faces: Faces, tree: Hierarchy, opaque: np.ndarray, levels: Levels, cell: Cell, samples: np.ndarray, longest: int,
-    own: np.ndarray, chain: np.ndarray, order: np.ndarray, image: np.ndarray, polygon: np.ndarray, corners: np.ndarray,
-    strength: np.ndarray, passed: np.ndarray, wavenumber: float, twice: bool, out: np.ndarray, through: np.ndarray,
+    walls: Walls, cell: Cell, beams: Beams, samples: np.ndarray, longest: int, own: np.ndarray, twice: bool, out: np.ndarray,
+    through: np.ndarray,
 ) -> int:  # fmt: skip
     """Write (edge, beam) of all edges that a beam reaches, and the transmission to each; returns their number, or -1 if `out` is too short.
 
     A path has at most `longest` reflections. If paths have one diffraction (not `twice`), a path that leaves over a beam of many
     reflections therefore returns over a beam of fewer reflections. The function has examined this beam before.
     """
+    faces = walls.faces
     # The arrivals of each edge with 0, 1, ... reflections, as linked lists.
     newest, before_it = np.full((len(faces.length), (longest + 1) // 2), -1), np.empty(len(out), np.int64)
     place, reach = vector(cell.places, 0), cell.radius
-    planes, points = np.empty((polygon.shape[1] + 1, 4)), np.empty((chain.shape[1] + 1, 3))
+    planes, points = np.empty((beams.polygon.shape[1] + 1, 4)), np.empty((beams.chain.shape[1] + 1, 3))
     exists = np.empty(len(samples) + 1, np.bool_)  # the last one is for the foot, whose index is -1
     found = np.empty(MAX_PANES, np.int64)
     used = 0
-    for b in range(len(order)):
-        m = order[b]
-        before, at = chain[b, :m], vector(image, b)
-        last = chain[b, m - 1] if m else -1
-        bounds = _planes(faces, last, at, reach, polygon[b], corners[b], levels.front, planes)
+    for b in range(len(beams.order)):
+        m = beams.order[b]
+        before, at = beams.chain[b, :m], vector(beams.image, b)
+        last = before[m - 1] if m else -1
+        bounds = beam_planes(faces, last, at, reach, beams.polygon[b], beams.corners[b], cell.front, planes)
         for e in range(len(faces.length)):
             if last >= 0 and (faces.sides[e, 0] == last or faces.sides[e, 1] == last):
                 continue
@@ -331,33 +319,22 @@ def _reach(
             if fewer and (back < 0 or newest[e, : back + 1].max() < 0):
                 continue
             start, along = vector(faces.start, e), vector(faces.along, e)
-            end, low, high = moved(start, along, faces.length[e]), 0.0, faces.length[e]
-            for i in range(bounds):
-                first, second = _level(planes, i, start), _level(planes, i, end)
-                if first < 0 and second < 0:
-                    high = -1.0
-                elif first < 0:
-                    low = max(low, faces.length[e] * first / (first - second))
-                elif second < 0:
-                    high = min(high, faces.length[e] * first / (first - second))
-                if low >= high:
-                    break
+            low, high = part_inside(planes, bounds, start, along, faces.length[e])
             if low >= high or not _is_open(faces, e, start, at, reach):
                 continue
-            foot = dot((at[0] - start[0], at[1] - start[1], at[2] - start[2]), along)
-            straight = dot((place[0] - start[0], place[1] - start[1], place[2] - start[2]), along)
+            foot, straight = dot(toward(start, at, 1.0), along), dot(toward(start, place, 1.0), along)
             near = distance(at, moved(start, along, min(max(foot, low), high)))
             near = max(near + distance(place, moved(start, along, min(max(straight, 0.0), faces.length[e]))) - 2 * reach, 0.0)
-            least = levels.least * near * passed[b] / (BOTH * strength[b])  # smallest transmission that matters
-            if passed[b] < least:
+            least = cell.least * near * beams.passed[b] / (BOTH * beams.strength[b])  # smallest transmission that matters
+            if beams.passed[b] < least:
                 continue
             returns = not fewer
             for few in range(min(back + 1, newest.shape[1]) if fewer else 0):
                 a = newest[e, few]
                 while a >= 0 and not returns:
                     other = out[a, 1]
-                    gain = strength[b] * strength[other] * through[a] / passed[other]
-                    returns = _single(faces, e, wavenumber, reach, gain, levels.least, at, vector(image, other))
+                    gain = beams.strength[b] * beams.strength[other] * through[a] / beams.passed[other]
+                    returns = _single(faces, e, walls.wavenumber, reach, gain, cell.least, at, vector(beams.image, other))
                     a = before_it[a]
             if not returns:
                 continue
@@ -369,8 +346,8 @@ def _reach(
                 if sample <= len(samples):  # whether a path to this point may exist anywhere in the cell
                     exists[i] = reflect_points(faces, source, before, x, points, reach)
                 if exists[i] and reflect_points(faces, source, before, x, points):
-                    lit = max(lit, _passed(tree, opaque, levels.through, source, points, m, x, found, least))
-                    if lit >= passed[b]:
+                    lit = max(lit, _passed(walls, source, points, m, x, found, least))
+                    if lit >= beams.passed[b]:
                         break
             if lit == 0:
                 continue
@@ -393,38 +370,21 @@ def own_reflections(faces: Faces) -> np.ndarray:
     return np.maximum(1, np.round(1 / faces.opening)).astype(np.int64)
 
 
-def reached(
-    faces: Faces, tree: Hierarchy, opaque: np.ndarray, levels: Levels, cell: Cell, found: Beams, longest: int, wavenumber: float,
-    twice: bool,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+def reached(walls: Walls, cell: Cell, found: Beams, longest: int, twice: bool) -> tuple[np.ndarray, np.ndarray]:
     """Return (edge, beam) of all edges that beams of fewer than `longest` reflections reach, (M, 2), ordered by edge.
 
-    The second result is the largest transmission (M,) of the panes on the way.
-
-    Args:
-        levels: bounds of fields; weaker beams are left out. twice: whether paths may have two diffractions.
+    The second result is the largest transmission (M,) of the panes on the way. twice: whether paths may have two diffractions.
     """
-    few = found.order < longest
-    columns = [getattr(found, name)[few] for name in ("chain", "order", "image", "polygon", "corners", "strength", "passed")]
-    room = 65536
-    while True:
+    few = Beams(*(values[found.order < longest] for values in found))
+
+    def written(_: int, __: int, room: int) -> list[np.ndarray] | None:
         out, through = np.empty((room, 2), np.int64), np.empty(room)
-        used = _reach(
-            faces, tree, opaque, levels, cell, np.array(SAMPLES), longest, own_reflections(faces), *columns, wavenumber, twice, out,
-            through,
-        )  # fmt: skip
-        if used >= 0:
-            order = np.argsort(out[:used, 0], kind="stable")
-            return out[order], through[order]
-        room *= 4
+        used = _reach(walls, cell, few, np.array(SAMPLES), longest, own_reflections(walls.faces), twice, out, through)
+        return [out[:used], through[:used]] if used >= 0 else None
 
-
-@innermost
-def _mirrored(faces: Faces, p: int, x: Vector, plane: float) -> Vector:
-    """Return the image of a point in face `p`, or of a direction with plane=0."""
-    normal = vector(faces.normal, p)
-    height = 2 * (dot(x, normal) - plane * faces.offset[p])
-    return x[0] - height * normal[0], x[1] - height * normal[1], x[2] - height * normal[2]
+    out, through = gathered(written, 1, 65536)
+    order = np.argsort(out[:, 0], kind="stable")
+    return out[order], through[order]
 
 
 @innermost
@@ -461,7 +421,7 @@ def _share(faces: Faces, e: int, wavenumber: float, radius: float, source: Vecto
         return 1.5
     total, before, after = 0.0, distance(source, x), distance(x, end)
     for side in range(-1, 2):
-        at = source if side < 0 else _mirrored(faces, faces.sides[e, side], source, 1.0)
+        at = source if side < 0 else mirrored(faces, faces.sides[e, side], source, 1.0)
         total += _far(wavenumber, radius, before + after - distance(at, end), before, after)
     return total
 
@@ -478,34 +438,28 @@ def _is_open(faces: Faces, e: int, x: Vector, end: Vector, radius: float) -> boo
 
 
 @innermost
-def _crosses(faces: Faces, p: int, centre: np.ndarray, radius: np.ndarray, start: Vector, end: Vector, reach: float) -> bool:
+def _crosses(walls: Walls, p: int, start: Vector, end: Vector, reach: float) -> bool:
     """Return whether two balls can lie on the same side of face `p` and the reflected line between them can meet the face."""
-    normal, middle = vector(faces.normal, p), vector(centre, p)
+    faces = walls.faces
+    normal, middle = vector(faces.normal, p), vector(walls.centre, p)
     a, b = dot(start, normal) - faces.offset[p], dot(end, normal) - faces.offset[p]
     if a * b <= 1e-12 and min(abs(a), abs(b)) >= reach:
         return False
     a, b = max(abs(a), 1e-9), max(abs(b), 1e-9) * (1.0 if a >= 0 else -1.0)
     a = a if b > 0 else -a
     share, down = a / (a + b), -2 * a * b / (a + b)
-    x = (
-        start[0] + share * (end[0] - start[0]) + down * normal[0],
-        start[1] + share * (end[1] - start[1]) + down * normal[1],
-        start[2] + share * (end[2] - start[2]) + down * normal[2],
-    )
-    return distance(x, middle) < radius[p] + reach * (1 + distance(start, end) / (abs(a) + abs(b)))
+    x = moved(moved(start, toward(start, end, 1.0), share), normal, down)
+    return distance(x, middle) < walls.radius[p] + reach * (1 + distance(start, end) / (abs(a) + abs(b)))
 
 
 @compiled
-def _linked(
-    faces: Faces, centre: np.ndarray, radius: np.ndarray, tree: Hierarchy, opaque: np.ndarray, loudness: np.ndarray, samples: np.ndarray,
-    piece: int, pieces: int, out: np.ndarray,
-) -> int:  # fmt: skip
+def _linked(walls: Walls, samples: np.ndarray, piece: int, pieces: int, out: np.ndarray) -> int:
     """Write (edge, edge, face or -1) of edges that see each other, directly or over a face; returns their number, or -1 if `out` is too
     short.
 
     The first edge is one of piece, piece + pieces, piece + 2 pieces, ...
     """
-    used, edges = 0, len(faces.length)
+    faces, used, edges = walls.faces, 0, len(walls.faces.length)
     points, chain, found = np.empty((2, 3)), np.empty(1, np.int64), np.empty(MAX_PANES, np.int64)
     for e in range(piece, edges, pieces):
         middle1 = moved(vector(faces.start, e), vector(faces.along, e), 0.5 * faces.length[e])
@@ -514,14 +468,14 @@ def _linked(
             for p in range(-1, len(faces.offset)):
                 if (p < 0 and e == f) or p in (faces.sides[e, 0], faces.sides[e, 1], faces.sides[f, 0], faces.sides[f, 1]):
                     continue
-                if p >= 0 and (loudness[p] == 0 or not _crosses(faces, p, centre, radius, middle1, middle2, 0.0)):
+                if p >= 0 and (walls.loudness[p] == 0 or not _crosses(walls, p, middle1, middle2, 0.0)):
                     continue
                 chain[0] = p
                 seen = False
                 for i in range(len(samples) * len(samples)):
                     start = edge_point(faces, e, samples[i % len(samples)] * faces.length[e])
                     end = edge_point(faces, f, samples[(i + i // len(samples)) % len(samples)] * faces.length[f])
-                    way = toward(start, _mirrored(faces, p, end, 1.0) if p >= 0 else end, 1.0)
+                    way = toward(start, mirrored(faces, p, end, 1.0) if p >= 0 else end, 1.0)
                     common = grazed_face(faces, e, f, chain[: int(p >= 0)], way)
                     for side in range(2 if common >= 0 else 1):
                         shift = beside(faces, e, f, common, side) if common >= 0 else (0.0, 0.0, 0.0)
@@ -529,7 +483,7 @@ def _linked(
                             continue
                         here, there = moved(start, shift, 1.0), moved(end, shift, 1.0)
                         over = p < 0 or reflect_points(faces, here, chain, there, points)
-                        seen = seen or (over and panes_on(tree, opaque, here, points, int(p >= 0), there, found) >= 0)
+                        seen = seen or (over and panes_on(walls.tree, walls.opaque, here, points, int(p >= 0), there, found) >= 0)
                     if seen:
                         break
                 if not seen:
@@ -541,25 +495,37 @@ def _linked(
     return used
 
 
-def links(faces: Faces, balls: tuple[np.ndarray, np.ndarray], tree: Hierarchy, opaque: np.ndarray, loudness: np.ndarray) -> np.ndarray:
+def links(walls: Walls) -> np.ndarray:
     """Return (edge, edge, face or -1) of all edges that see each other, directly or over a face, (L, 3), for any place of the sensor."""
-    return _listed(
-        lambda piece, pieces, out: _linked(faces, *balls, tree, opaque, loudness, np.array(PLACES), piece, pieces, out), 4 * cores()
-    )
+    return _listed(lambda piece, pieces, out: _linked(walls, np.array(PLACES), piece, pieces, out), 4 * cores())
+
+
+class _Arrivals(NamedTuple):
+    """Hold M pairs of an edge and a beam that reaches the edge, ordered by edge and falling strength.
+
+    Attributes:
+        first: (E + 1,) range of each edge. order: (M,) reflections of the beam. image: (M, 3). strength: (M,) largest field at one metre.
+        longest: largest number of reflections of a path. own: (E,) of `own_reflections`. reach: radius of the cell in metres.
+    """
+
+    first: np.ndarray
+    order: np.ndarray
+    image: np.ndarray
+    strength: np.ndarray
+    longest: int
+    own: np.ndarray
+    reach: float
 
 
 @compiled
-def _doubles(
-    faces: Faces, linked: np.ndarray, loudness: np.ndarray, wavenumber: float, least: float, first: np.ndarray, order: np.ndarray,
-    image: np.ndarray, strength: np.ndarray, longest: int, own: np.ndarray, reach: float, piece: int, pieces: int, out: np.ndarray,
-) -> int:  # fmt: skip
+def _doubles(walls: Walls, linked: np.ndarray, least: float, arrivals: _Arrivals, piece: int, pieces: int, out: np.ndarray) -> int:
     """Write (arrival, face or -1, arrival) of double diffractions that can be as strong as `least`; returns their number, or -1 if `out` is
     too short.
 
-    An arrival is the number of a pair of an edge and a beam that reaches the edge. The function examines the rows piece, piece + pieces,
-    piece + 2 pieces, ... of `linked`.
+    The function examines the rows piece, piece + pieces, piece + 2 pieces, ... of `linked`.
     """
-    used = 0
+    faces, wavenumber, used = walls.faces, walls.wavenumber, 0
+    first, order, image, strength, longest, own, reach = arrivals
     best = np.zeros(len(faces.length))
     for f in range(len(faces.length)):
         if first[f] < first[f + 1]:
@@ -574,8 +540,8 @@ def _doubles(
         middle1 = moved(start1, along1, 0.5 * faces.length[e])
         start2, along2, gain = vector(faces.start, f), vector(faces.along, f), 1.0
         if over:
-            gain = loudness[p]
-            start2, along2 = _mirrored(faces, p, start2, 1.0), _mirrored(faces, p, along2, 0.0)
+            gain = walls.loudness[p]
+            start2, along2 = mirrored(faces, p, start2, 1.0), mirrored(faces, p, along2, 0.0)
         for a in range(first[e], first[e + 1]):
             at_a = vector(image, a)
             if order[a] + over > spare or gain * strength[a] * best[f] < least * (distance(at_a, middle1) - reach) * 0.4:
@@ -595,7 +561,7 @@ def _doubles(
                     continue
                 at_b = vector(image, b)
                 if over:
-                    at_b = _mirrored(faces, p, at_b, 1.0)
+                    at_b = mirrored(faces, p, at_b, 1.0)
                 if 1.5 * base * strength[b] < least * (length + distance(at_b, x2)):
                     continue
                 y1, y2 = x1, x2
@@ -617,7 +583,7 @@ def _doubles(
                     continue
                 # the second edge is mirrored in face p, but `_is_open` uses its unmirrored faces: mirror the line back
                 if over:
-                    y1, y2, at_b = _mirrored(faces, p, y1, 1.0), _mirrored(faces, p, y2, 1.0), vector(image, b)
+                    y1, y2, at_b = mirrored(faces, p, y1, 1.0), mirrored(faces, p, y2, 1.0), vector(image, b)
                 if not _is_open(faces, f, y2, y1, reach):
                     continue
                 if worth * _share(faces, f, wavenumber, reach, at_b, y2, y1) < least:
@@ -675,25 +641,22 @@ class Sequences:
 
 
 @compiled
-def _closed(
-    faces: Faces, centre: np.ndarray, radius: np.ndarray, loudness: np.ndarray, least: float, cell: Cell,
-    chain: np.ndarray, order: np.ndarray, image: np.ndarray, strength: np.ndarray, low: int, high: int, out: np.ndarray,
-) -> int:  # fmt: skip
+def _closed(walls: Walls, cell: Cell, beams: Beams, low: int, high: int, out: np.ndarray) -> int:
     """Write (beam, face, -1) of the beams low:high whose path over the face can end in the cell; return their number, -1 if `out` is too
     short.
     """
-    used, end, reach = 0, vector(cell.places, 0), cell.radius
+    faces, used, end, reach = walls.faces, 0, vector(cell.places, 0), cell.radius
     # Largest field at one metre of the beams with one reflection; such a beam is the reverse of a path's last leg.
     last = np.zeros(len(faces.offset))
-    for b in range(len(order)):
-        if order[b] == 1:
-            last[chain[b, 0]] = strength[b]
+    for b in range(len(beams.order)):
+        if beams.order[b] == 1:
+            last[beams.chain[b, 0]] = beams.strength[b]
     for b in range(low, high):
-        m, at = order[b], vector(image, b)
+        m, at = beams.order[b], vector(beams.image, b)
         for p in range(len(faces.offset)):
-            if loudness[p] == 0 or (m and p == chain[b, m - 1]) or not _crosses(faces, p, centre, radius, at, end, reach):
+            if walls.loudness[p] == 0 or (m and p == beams.chain[b, m - 1]) or not _crosses(walls, p, at, end, reach):
                 continue
-            if m and strength[b] * last[p] < least * (distance(_mirrored(faces, p, at, 1.0), end) - 2 * reach):
+            if m and beams.strength[b] * last[p] < cell.least * (distance(mirrored(faces, p, at, 1.0), end) - 2 * reach):
                 continue
             if used == len(out):
                 return -1
@@ -702,31 +665,19 @@ def _closed(
     return used
 
 
-def closed(
-    faces: Faces, balls: tuple[np.ndarray, np.ndarray], found: Beams, loudness: np.ndarray, least: float, cell: Cell, longest: int,
-) -> Iterator[Sequences]:  # fmt: skip
+def closed(walls: Walls, cell: Cell, found: Beams, longest: int) -> Iterator[Sequences]:
     """Yield the sequences of at most `longest` faces, without edges, over which beams of the cell can return to it, for TOGETHER beams at a
     time.
-
-    Args:
-        balls: centre (P, 3) and radius (P,) of a ball around each face.
-        loudness: (P,) largest reflection coefficient of each face. least: weakest field that matters, 1/m.
     """
-    few = found.order < longest
-    chain, order, image, strength = found.chain[few], found.order[few], found.image[few], found.strength[few]
-    for low in range(0, len(order), TOGETHER):
-        high = min(low + TOGETHER, len(order))
-        beam, face, _ = _listed(
-            lambda _, __, out, low=low, high=high: _closed(
-                faces, *balls, loudness, least, cell, chain, order, image, strength, low, high, out
-            ),
-            1,
-        ).T
+    few = Beams(*(values[found.order < longest] for values in found))
+    for low in range(0, len(few.order), TOGETHER):
+        high = min(low + TOGETHER, len(few.order))
+        beam, face, _ = _listed(lambda _, __, out, low=low, high=high: _closed(walls, cell, few, low, high, out), 1).T
         chains = np.full((len(beam), max(longest, 1)), -1)
-        chains[:, : chain.shape[1]] = chain[beam, : chains.shape[1]]
-        chains[np.arange(len(beam)), order[beam]] = face
+        chains[:, : few.chain.shape[1]] = few.chain[beam, : chains.shape[1]]
+        chains[np.arange(len(beam)), few.order[beam]] = face
         count = np.zeros((len(beam), 3), int)
-        count[:, 0] = order[beam] + 1
+        count[:, 0] = few.order[beam] + 1
         yield Sequences(count, np.full((len(beam), 2), -1), chains, np.zeros(len(beam), bool))
 
 
@@ -742,20 +693,18 @@ def _single(faces: Faces, e: int, wavenumber: float, reach: float, strength: flo
 
 
 @compiled
-def _singles(
-    faces: Faces, wavenumber: float, least: float, first: np.ndarray, order: np.ndarray, image: np.ndarray, strength: np.ndarray,
-    longest: int, own: np.ndarray, reach: float, out: np.ndarray,
-) -> int:  # fmt: skip
+def _singles(walls: Walls, least: float, arrivals: _Arrivals, out: np.ndarray) -> int:
     """Write (arrival, -1, arrival) of single diffractions that can be as strong as `least`; returns their number, or -1 if `out` is too
     short.
     """
-    used = 0
+    faces, used = walls.faces, 0
+    first, order, image, strength, longest, own, reach = arrivals
     for e in range(len(faces.length)):
         for a in range(first[e], first[e + 1]):
             for b in range(a, first[e + 1]):
                 if order[a] + order[b] + own[e] > longest:
                     continue
-                if not _single(faces, e, wavenumber, reach, strength[a] * strength[b], least, vector(image, a), vector(image, b)):
+                if not _single(faces, e, walls.wavenumber, reach, strength[a] * strength[b], least, vector(image, a), vector(image, b)):
                     continue
                 if used == len(out):
                     return -1
@@ -785,30 +734,25 @@ def _joined(
 
 
 def sequences(
-    faces: Faces, found: Beams, arrivals: np.ndarray, strength: np.ndarray, linked: np.ndarray, loudness: np.ndarray, wavenumber: float,
-    longest: int, least: float, reach: float,
-) -> Sequences:  # fmt: skip
+    walls: Walls, cell: Cell, found: Beams, arrivals: np.ndarray, strength: np.ndarray, linked: np.ndarray, longest: int
+) -> Sequences:
     """Join reached edges and their beams to sequences with edges that start and end at the sensor and can be as strong as `least`.
 
     Args:
         arrivals: (M, 2) edges and the beams that reach them. strength: (M,) their largest field at one metre.
-        linked: (L, 3) of `links`.
-        loudness: (P,) largest reflection coefficient of each face. longest: largest number of reflections. reach: radius of the cell, m.
+        linked: (L, 3) of `links`. longest: largest number of reflections.
     """
     falling = np.lexsort((-strength, arrivals[:, 0]))
     arrivals, strength = arrivals[falling], strength[falling]
-    first = np.searchsorted(arrivals[:, 0], np.arange(len(faces.length) + 1))
+    first = np.searchsorted(arrivals[:, 0], np.arange(len(walls.faces.length) + 1))
     beam = arrivals[:, 1]
     order, image = found.order[beam], found.image[beam]
     width = max(found.chain.shape[1], longest, 1)
     parts = []
-    own = own_reflections(faces)
-    known = (first, order, image, strength, longest, own, reach)
-    once = _listed(lambda piece, pieces, out: _singles(faces, wavenumber, least, *known, out), 1)
-    limit = BOUND_OF_DOUBLES * least
-    twice = _listed(
-        lambda piece, pieces, out: _doubles(faces, linked, loudness, wavenumber, limit, *known, piece, pieces, out), 4 * cores()
-    )
+    known = _Arrivals(first, order, image, strength, longest, own_reflections(walls.faces), cell.radius)
+    once = _listed(lambda piece, pieces, out: _singles(walls, cell.least, known, out), 1)
+    limit = BOUND_OF_DOUBLES * cell.least
+    twice = _listed(lambda piece, pieces, out: _doubles(walls, linked, limit, known, piece, pieces, out), 4 * cores())
     for double, rows in ((False, once), (True, twice)):
         k = len(rows)
         # A path whose two beams reach the same edge is listed in the direction whose first beam has the smaller index, which is the same at

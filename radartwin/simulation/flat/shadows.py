@@ -21,7 +21,7 @@ from radartwin.simulation.flat.field import GRAZING_M, NUDGE, edge_point
 from radartwin.simulation.flat.kirchhoff import REACH, edge_part, reach_around
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, build, crossed
 from radartwin.simulation.flat.silhouette import MAX_SEGMENTS, Skin, outline, picture_axes
-from radartwin.simulation.flat.vectors import cross, distance, dot, moved, norm, toward, vector
+from radartwin.simulation.flat.vectors import ZERO, cross, distance, dot, moved, norm, put, toward, vector
 
 SEEN = 0.02  # weaker edge waves are added without a test whether their edge is visible, and continue along the path's own lines
 BEYOND_M = 0.05  # edges beside a line count up to this far beyond its mirrors, because the edges of a body and its image cancel there
@@ -156,7 +156,7 @@ def _hides(faces: Faces, e: int, line: Line) -> float:
     if faces.opening[e] <= 1:
         return 0.0
     up, last = vector(faces.up, e), faces.opening[e] * math.pi
-    other = moved((0.0, 0.0, 0.0), vector(faces.into, e), math.sin(last))  # perpendicular to face n, into the open sector
+    other = moved(ZERO, vector(faces.into, e), math.sin(last))  # perpendicular to face n, into the open sector
     from_edge = toward(vector(faces.start, e), line.source, 1.0)
     lit = dot(from_edge, up) >= -GRAZING_M  # a source in the plane of a face sees it
     if lit == (dot(from_edge, moved(other, up, -math.cos(last))) >= -GRAZING_M):
@@ -252,11 +252,10 @@ def _beside(
     out: np.ndarray,
 ) -> None:  # fmt: skip
     """Write which lines of the paths `low` to `high` - 1 the body may change to `out` (N, M)."""
-    none = (0.0, 0.0, 0.0)
     for n in range(low, high):
         for i in range(length.shape[1]):
             if length[n, i] > 1e-9:
-                line = line_of(vector(met[n], i), vector(met[n], i + 1), before[n, i], after[n, i], none, none)
+                line = line_of(vector(met[n], i), vector(met[n], i + 1), before[n, i], after[n, i], ZERO, ZERO)
                 out[n, i] = near(body.centre, body.radius[0], line, wavenumber)
 
 
@@ -383,7 +382,7 @@ def _waves(
         value, at = _wave(start, along, size, line, wavenumber, reach)
         if value != 0:
             part[count] = value if side > 0 else -value
-            place[count, 0], place[count, 1], place[count, 2] = moved(start, along, at)
+            put(place, count, moved(start, along, at))
             count += 1
     middle = dot(body.centre, line.way) - dot(line.start, line.way)
     blocked = layers > 0

@@ -16,7 +16,7 @@ import trimesh
 
 from radartwin.compiled import compiled, innermost
 from radartwin.simulation.flat.obstacles import Hierarchy, Point, Vector, build
-from radartwin.simulation.flat.vectors import cross, distance, dot, moved, norm, toward, vector
+from radartwin.simulation.flat.vectors import cross, distance, dot, moved, put, toward, unit, vector
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.pruning import TARGET_ERROR
 
@@ -112,7 +112,7 @@ def outline(body: Skin, viewer: np.ndarray, wavenumber: float, out: np.ndarray) 
         for k in range(2):  # from the picture to space
             right_m, up_m, depth = vector(out[e], k)
             point = moved(moved(frame[2], frame[0], right_m / away), frame[1], up_m / away)
-            out[e, k, 0], out[e, k, 1], out[e, k, 2] = moved(viewer, point, depth)
+            put(out[e], k, moved(viewer, point, depth))
     return number
 
 
@@ -120,9 +120,7 @@ def outline(body: Skin, viewer: np.ndarray, wavenumber: float, out: np.ndarray) 
 def picture_axes(view: Point) -> tuple[Vector, Vector, Vector]:
     """Return the axes of a picture: to the right, up, and the direction of view (3,)."""
     up = (1.0, 0.0, 0.0) if abs(view[2]) > 0.9 else (0.0, 0.0, 1.0)
-    up = moved(up, view, -dot(up, view))
-    size = norm(up)
-    up = up[0] / size, up[1] / size, up[2] / size
+    up = unit(moved(up, view, -dot(up, view)))
     return cross(up, view), up, (view[0], view[1], view[2])
 
 

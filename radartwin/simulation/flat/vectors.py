@@ -7,6 +7,8 @@ import numpy as np
 from radartwin.compiled import innermost
 from radartwin.simulation.flat.obstacles import Point, Vector
 
+ZERO = (0.0, 0.0, 0.0)
+
 
 @innermost
 def norm(x: Point) -> float:
@@ -42,5 +44,33 @@ def toward(start: Point, end: Point, length: float) -> Vector:
 
 
 @innermost
+def unit(x: Point) -> Vector:
+    """Return a vector divided by its length."""
+    return toward(ZERO, x, norm(x))
+
+
+@innermost
+def put(out: np.ndarray, i: int, point: Point) -> None:
+    """Write a point to row `i` of an array (N, 3)."""
+    out[i, 0], out[i, 1], out[i, 2] = point[0], point[1], point[2]
+
+
+@innermost
+def beside_line(start: Point, along: Point, source: Point, receiver: Point) -> tuple[float, float, float, float]:
+    """Return the places in metres along a line that are closest to source and receiver, and the squared distances of both from the line."""
+    z_s, z_r = dot(toward(start, source, 1.0), along), dot(toward(start, receiver, 1.0), along)
+    return z_s, z_r, distance(source, moved(start, along, z_s)) ** 2, distance(receiver, moved(start, along, z_r)) ** 2
+
+
+@innermost
 def cross(a: Point, b: Point) -> Vector:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@innermost
+def transverse(axis: Point, direction: Point) -> Vector:
+    """Return the normalised component of an axis perpendicular to a direction; for a parallel direction, a fixed perpendicular."""
+    across = moved(axis, direction, -dot(axis, direction))
+    if norm(across) < 1e-6:
+        across = cross(axis, (0.6, 0.0, 0.8) if abs(axis[2]) < 0.9 else (0.8, 0.6, 0.0))
+    return unit(across)

@@ -21,7 +21,7 @@ import math
 import numpy as np
 from scipy.special import wofz
 
-from radartwin.compiled import compiled, innermost
+from radartwin.compiled import compiled
 
 STEPS, LAST = 2048, 8.0  # table of `scaled_tail`; cubic interpolation between its steps has an error below 1e-12
 _GRID = np.linspace(0, LAST, STEPS + 1)
@@ -38,22 +38,12 @@ def scaled_tail(u: float) -> complex:
         return (1 + 0.5j / x - 0.75 / (x * x) - 1.875j / (x * x * x)) / (2j * u)
     place = u * (STEPS / LAST)
     i = int(place)
-    t = place - i
-    rest = 1 - t
-    table = TAIL  # a kernel of a GPU has one copy of the table for each mention of its name
-    low, high = table[i], table[i + 1]
+    t, step = place - i, LAST / STEPS
+    rest, low, high = 1 - t, TAIL[i], TAIL[i + 1]
+    # slopes 2j u I - 1 of the values I, times the step; a table of them would need half of a processor's first cache
+    slope_low, slope_high = (2j * step * i * low - 1) * step, (2j * step * (i + 1) * high - 1) * step
     ends = low * (1 + 2 * t) * rest * rest + high * t * t * (3 - 2 * t)
-    return ends + _slope(low, i) * t * rest * rest - _slope(high, i + 1) * t * t * rest
-
-
-@innermost
-def _slope(value: complex, i: int) -> complex:
-    """Return the derivative 2j u I - 1 of `scaled_tail`, times the step, at entry i of the table, where `scaled_tail` has the value I.
-
-    A table of the derivatives would need half of a processor's first cache, and more constant memory than a GPU has.
-    """
-    twice = 2 * (LAST / STEPS) * i
-    return complex((-twice * value.imag - 1) * (LAST / STEPS), twice * value.real * (LAST / STEPS))
+    return ends + slope_low * t * rest * rest - slope_high * t * t * rest
 
 
 @compiled
