@@ -65,7 +65,7 @@ def tables(read: Callable[[str], pd.DataFrame] = committed, absent: str = "") ->
         columns = section.get("columns", LISTED)
         if "every" in section:
             table = read(section["every"]).reindex(columns=columns, fill_value="")
-            table = table[table["target"] != ""]
+            table = pd.DataFrame(table[table["target"] != ""])
         else:
             lines = [_line(read, absent, row) for row in _expanded(section.get("where", {}), section["rows"])]
             table = pd.DataFrame([[str(cell) for cell in line] for line in lines], columns=columns)
@@ -116,7 +116,7 @@ def answer(read: Callable[[str], pd.DataFrame], absent: str, row: Mapping[str, A
 def _row(read: Callable[[str], pd.DataFrame], absent: str, row: Mapping[str, Any]) -> Any:
     """Return the row of a results table that the columns of `row` select, or that of the headline for a primary claim."""
     wanted = {column: str(value) for column, value in row.items() if column not in (*KEYS, "table") and value is not None}
-    rows = read(row["table"])
+    rows: Any = read(row["table"])
     for column, value in ({name: "" for name in VARIANTS if name in rows} | wanted).items():
         rows = rows[rows[column] == value] if column in rows else rows[:0]
     if len(rows) != 1:

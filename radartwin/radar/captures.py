@@ -317,7 +317,7 @@ def _cube(path: Path, radar: Radar) -> _Source:
         """Return the real and the imaginary parts (2, count, chirp, tx, rx, sample) of frames."""
         scratch.release(cube)  # the pages of the frames before
         block = cube[first : first + count]
-        return np.moveaxis(block, -1, 0) if pairs else np.stack([block.real, block.imag])
+        return np.moveaxis(block, -1, 0) if pairs else np.stack([np.real(block), np.imag(block)])
 
     unsigned, largest = True, 0.0  # whether all real and imaginary parts are whole numbers from 0 to 65535, and the largest part
     for frame in range(count):

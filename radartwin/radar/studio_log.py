@@ -68,7 +68,7 @@ def read_log(path: str | Path, lanes: int = 2) -> StudioLog:
     received = _number(path, values, "number of received packets")
     if received is None:
         raise RecordingError(f"{path}: the number of received packets is missing; give the LogFile.csv of a finished capture")
-    counts = (
+    packets, filled, late = (
         _number(path, values, key) or 0 for key in ("number of zero filled packets", "number of zero filled bytes", "out of sequence count")
     )
     started = values.get("capture start time")
@@ -76,7 +76,7 @@ def read_log(path: str | Path, lanes: int = 2) -> StudioLog:
         started = datetime.strptime(started, "%a %b %d %H:%M:%S %Y").isoformat() if started else None
     except ValueError:
         raise RecordingError(f"{path}: {started!r} is not a time such as 'Tue Nov 19 20:02:23 2024'") from None
-    return StudioLog(logged, received, *counts, started)
+    return StudioLog(logged, received, packets, filled, late, started)
 
 
 def find_log(capture: Path) -> Path | None:

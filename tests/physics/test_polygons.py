@@ -128,6 +128,7 @@ def small_body(name, known):
         frequency = FREQUENCY * known.factors[q]
         table = reflection_table.build([("metal", 0.0)] * len(meshes), frequency)
         axis = known.axes[i] / np.linalg.norm(known.axes[i], axis=1, keepdims=True)
+        assert body is not None
         hits = polygons.paths(body, table, places, places, axis, axis, 4)
         sines = [np.sqrt(1 - np.einsum("ni,ni->n", way, axis[hits.pose]) ** 2) for way in (hits.departure, hits.arrival)]
         phase = np.exp(2j * np.pi * frequency / SPEED_OF_LIGHT * (hits.length_in_m + hits.length_out_m))

@@ -179,7 +179,7 @@ def test_echoes_do_not_depend_on_the_scale(name, wavelength_m):
 def test_turning_scene_and_radar_together_changes_nothing(name):
     known = few_answers(name)
     before = simulated(name, known)
-    for turn in (Rotation.from_rotvec([0, 0, np.pi]), Rotation.random(rng=2)):
+    for turn in (Rotation.from_rotvec([0, 0, np.pi]), Rotation.random(rng=np.random.default_rng(2))):
         after = simulated(name, known, turn=turn.as_matrix())
         assert np.linalg.norm(after - before) < TURNED * np.linalg.norm(before)
 
@@ -204,6 +204,6 @@ def test_all_turns_of_scene_and_radar_change_nothing(name):
     known = few_answers(name)
     before = simulated(name, known)
     turns = [Rotation.from_rotvec([0, 0, np.pi / 2]), Rotation.from_rotvec([0, 0, np.pi])]
-    for turn in (*turns, *(Rotation.random(rng=seed) for seed in range(5))):
+    for turn in (*turns, *(Rotation.random(rng=np.random.default_rng(seed)) for seed in range(5))):
         after = simulated(name, known, turn=turn.as_matrix())
         assert np.linalg.norm(after - before) < TURNED * np.linalg.norm(before)

@@ -94,7 +94,7 @@ def _slopes(cells: np.ndarray, wavenumber: float) -> np.ndarray:
     along = np.minimum(np.arange(2 * n), 2 * n - np.arange(2 * n)) * (cells[1] - cells[0])
     distance = np.sqrt(along[:, None, None] ** 2 + cells[:, None] ** 2 + cells**2)
     slope = (1j * wavenumber - 1 / distance) * np.exp(1j * wavenumber * distance) / (4 * np.pi * distance**2)
-    return scipy.fft.fft(slope.astype(np.complex64), axis=0, overwrite_x=True)
+    return np.asarray(scipy.fft.fft(slope.astype(np.complex64), axis=0, overwrite_x=True))
 
 
 def _induce(source: tuple, face: tuple, current: dict, cells: np.ndarray, slopes: np.ndarray, induced: dict) -> None:
@@ -107,6 +107,6 @@ def _induce(source: tuple, face: tuple, current: dict, cells: np.ndarray, slopes
     j_x, j_y = ((one if source[0] == x else one.swapaxes(0, 1)) for one in (current[x, *source], current[y, *source]))
     turning = cells[:, None, None] * j_y - cells[:, None] * j_x
     spectrum = scipy.fft.fft(np.concatenate([j_y, turning], axis=2).astype(np.complex64), 2 * len(cells), axis=0)
-    first, second = np.split(scipy.fft.ifft(slopes @ spectrum, axis=0)[: len(cells)], 2, axis=2)
+    first, second = np.split(np.asarray(scipy.fft.ifft(slopes @ spectrum, axis=0))[: len(cells)], 2, axis=2)
     for axis, value in ((x, cells[:, None, None] * first - second), (z, cells[:, None] * first)):
         induced[axis, *face] += 2 * (value if face[0] == x else value.swapaxes(0, 1))

@@ -24,6 +24,7 @@ from radartwin.scene.objects.catalogue import (
     OLIVE_OIL,
     OTHER_LEGS_M,
     Entry,
+    MaterialClass,
     Part,
     bottle,
     can,
@@ -33,7 +34,7 @@ from radartwin.scene.objects.catalogue import (
 )  # fmt: skip
 
 SIZES = Path(__file__).with_name("assortment.csv")
-WALLS = {  # material: thickness in metres, material class and look
+WALLS: dict[str, tuple[float, MaterialClass, str]] = {  # material: thickness in metres, material class and look
     "metal": (0.0002, "metal", "brushed_metal"), "glass": (MUG_WALL_M, "ceramic", "ceramic"),
     "pet": (0.0005, "plastic", "cyan_plastic"), "hdpe": (0.0008, "plastic", "white_plastic"),
 }  # fmt: skip
@@ -80,7 +81,8 @@ def _reflectors() -> dict[str, Entry]:
 
 def _entry(row: Mapping[str, str]) -> Entry:
     kind, material, contents = row["kind"], row["material"], row["contents"] or None
-    width, depth, height = size = tuple(float(row[f"{name}_mm"]) / 1000 for name in ("width", "depth", "height"))
+    width, depth, height = (float(row[f"{name}_mm"]) / 1000 for name in ("width", "depth", "height"))
+    size = width, depth, height
     wall, material_class, look = WALLS[material]
     outline = None
     if kind.endswith("can"):
