@@ -141,7 +141,7 @@ def test_encoder_is_found_by_name(installed: Path) -> None:
     assert made.reads == "features"
     from experiments.recognition import encoder_comparison
 
-    assert encoder_comparison.methods()["nearest"] == ("nearest", "description")
+    assert encoder_comparison.methods()["nearest"] == ("nearest", "radar_description")
     assert encoder_comparison.identity()["encoders"].keys() == {"nearest"}
     with pytest.raises(ConfigError, match="choose one of network, convolution, trees, nearest"):
         learner("forest")

@@ -96,7 +96,9 @@ def test_both_providers_give_the_same_processed_bytes(folder: Path) -> None:
 
 def test_an_experiment_gives_the_same_values_for_both_providers(folder: Path) -> None:
     testbed, recordings = (environment.score(config, frame_of(config)).rows for config in (configured(folder), recorded(folder)))
-    assert len(testbed) == len(recordings) == 4  # two correlations of the simulation without a room, and two energy shares
+    assert (
+        len(testbed) == len(recordings) == 6
+    )  # correlations and similarities of the simulation without a room (two each), and two energy shares
     for one, other in zip(testbed, recordings, strict=True):
         assert (one["domain"], other["domain"]) == ("testbed", "recordings")
         for column in ("metric", "scale", "verdict", "n"):

@@ -112,6 +112,7 @@ def test_a_strength_multiplies_all_gaps_and_nothing_else() -> None:
     half = headline.at_strength(own, "turntable_shape", 0.5)
     gaps = dataclasses.asdict(half.measured.gap)  # type: ignore[attr-defined]
     assert gaps.pop("person") == 0.25
+    assert gaps.pop("unscanned_echoes") == 0.0  # off by default
     assert set(gaps.values()) == {0.5}
     assert (half.seed, half.profile, half.experiment.name) == (3, own.profile, "turntable_shape")
 
