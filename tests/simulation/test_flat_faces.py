@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from shapely import Polygon, box, from_wkt, union_all
+from shapely import LineString, Polygon, box, from_wkt, union_all
 
 from radartwin.scene import objects
 from radartwin.simulation import geometry
@@ -79,6 +79,21 @@ def test_gap_closes_beside_a_side_that_crosses_the_line_at_a_small_angle():
     one, two = sheet(Polygon([(0.006, 0), (-1e-7, 2), (2, 2), (2, 0)]), np.eye(4)), sheet(box(0, 0, 2, 2), np.eye(4))
     two.vertices = two.vertices[:, [2, 1, 0]]
     assert sorted(areas(found(one, two))) == pytest.approx([4, 4])
+
+
+@pytest.mark.parametrize("shift", [-7e-18, 7e-18])
+def test_gap_closes_beside_a_side_that_touches_the_line_but_for_rounding(shift):
+    """The ring of the gap is a triangle, and its two corners where the side touches the line differ in the last digit."""
+    start, end, size = (1.0004968664408782, -0.04035216139787304, 0), (1.0104967568473455, -0.04035062170122341, 0), 0.0023
+    along = np.subtract(end, start)
+    length = np.linalg.norm(along)
+    x, y = np.subtract(end, start)[:2] / length
+    region = faces._Region(
+        Polygon([start[:2], (end[0] - size * y, end[1] + size * x), (1, 0)]), np.zeros(3), np.eye(3)[:2], np.eye(3)[2], 0, False
+    )
+    before = region.polygon.area
+    faces._extend(region, np.array(start), along / length, [(0.0, length, shift, size)], LineString([(0, 0), (length, 0)]))
+    assert region.polygon.area == pytest.approx(before + 0.5 * length * size, rel=1e-4)
 
 
 def test_gap_is_filled_only_beside_both_plates():
