@@ -86,7 +86,7 @@ def test_gap_closes_beside_a_side_that_touches_the_line_but_for_rounding(shift):
     """The ring of the gap is a triangle, and its two corners where the side touches the line differ in the last digit."""
     start, end, size = (1.0004968664408782, -0.04035216139787304, 0), (1.0104967568473455, -0.04035062170122341, 0), 0.0023
     along = np.subtract(end, start)
-    length = np.linalg.norm(along)
+    length = float(np.linalg.norm(along))
     x, y = np.subtract(end, start)[:2] / length
     region = faces._Region(
         Polygon([start[:2], (end[0] - size * y, end[1] + size * x), (1, 0)]), np.zeros(3), np.eye(3)[:2], np.eye(3)[2], 0, False
