@@ -172,21 +172,22 @@ def each(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
     return list(_mapped(function, waiting))
 
 
-def gathered(function: Callable[[int, int, int], Sequence[np.ndarray] | None], count: int, room: int) -> list[np.ndarray]:
-    """Return the arrays that function(first, last, room) returns for all parts of the range 0..count, joined in the order of the parts.
-
-    The function has memory for `room` rows. If that is too short, it returns None and is called again with four times as much.
+def fitted(function: Callable[[int], R | None], rows: int) -> R:
+    """Return the result of a function that has memory for `rows` rows. If that is too short, the function returns None, and is called again
+    with four times as much.
     """
-    found: list[tuple[int, Sequence[np.ndarray]]] = []
+    while (result := function(rows)) is None:
+        rows *= 4
+    return result
 
-    def run(first: int, last: int) -> None:
-        rows = room
-        while (arrays := function(first, last, rows)) is None:
-            rows *= 4
-        found.append((first, arrays))
 
-    shared_out(run, count)
-    return [np.concatenate(column) for column in zip(*(arrays for _, arrays in sorted(found, key=lambda part: part[0])), strict=True)]
+def gathered(function: Callable[[int, int, int], Sequence[np.ndarray] | None], count: int, rows: int) -> list[np.ndarray]:
+    """Return the arrays that function(first, last, rows) returns for all parts of the range 0..count, joined in the order of the parts.
+    `rows` is the memory as in `fitted`.
+    """
+    parts: list[tuple[int, Sequence[np.ndarray]]] = []
+    shared_out(lambda first, last: parts.append((first, fitted(lambda rows: function(first, last, rows), rows))), count)
+    return [np.concatenate(column) for column in zip(*(arrays for _, arrays in sorted(parts, key=lambda part: part[0])), strict=True)]
 
 
 class _Threads(threading.local):

@@ -49,8 +49,8 @@ PERSON_RAYS = 0.1  # ray tubes per square wavelength on the person
 
 
 def gaps_of(config: Config) -> testbed.Gaps:
-    """Return the configured strengths of all gaps (known differences between measurement and simulation) except the gap `geometry`."""
-    return testbed.Gaps(**{k: v for k, v in asdict(config.measured.gap).items() if k != "geometry"})
+    """Return the strengths of the gaps (known differences between measurement and simulation) of the true scene and its radar."""
+    return testbed.Gaps(**{k: v for k, v in asdict(config.measured.gap).items() if k not in ("geometry", "unscanned_echoes")})
 
 
 def seed_of(case: Case, config: Config) -> int:
@@ -65,7 +65,7 @@ def root_of(case: Case, config: Config) -> int:
 
 def specification(case: Case, config: Config) -> dict[str, Any]:
     """Return the specification of a clean recording (before receiver effects). The specification decides the recording's store key."""
-    gap = {**asdict(replace(gaps_of(config), unscanned_echoes=0.0)), "hardware": config.measured.gap.hardware > 0}
+    gap = {**asdict(gaps_of(config)), "hardware": config.measured.gap.hardware > 0}
     campaign = config.profile.campaign
     if case.motion == "turntable":
         course = {"turns": campaign.turns, "frames_per_turn": campaign.frames_per_turn}
@@ -91,7 +91,7 @@ def record(case: Case, config: Config) -> Recording | Turned:
     A turntable recording with more frames than traced target angles is returned as `Turned`, which interpolates its frames between the
     traced angles.
     """
-    gaps = replace(gaps_of(config), unscanned_echoes=0.0)
+    gaps = gaps_of(config)
     nominal = log(case, config.profile.campaign, measured=True)
     radar = replace(build_radar(config.radar), frame_rate_hz=nominal.frame_rate_hz)
     fine = gaps.solver > 0
@@ -150,9 +150,10 @@ def shadows(target: str) -> int:
 
 def receive(clean: Recording, case: Case, config: Config) -> Recording:
     """Add unscanned echoes, and the receiver effects (noise, leakage, ADC) of this repetition, to a clean recording."""
-    nominal, gaps = log(case, config.profile.campaign, measured=True), gaps_of(config)
-    radar, root = _front_end(clean.radar, case, gaps), root_of(case, config)
-    clean = unscanned.added(clean, radar, nominal.sensor_poses, nominal.distance_m, gaps.unscanned_echoes, root)
+    gaps = gaps_of(config)
+    if strength := config.measured.gap.unscanned_echoes:
+        nominal, radar = log(case, config.profile.campaign, measured=True), _front_end(clean.radar, case, gaps)
+        clean = unscanned.added(clean, radar, nominal.sensor_poses, nominal.distance_m, strength, root_of(case, config))
     return testbed.received(clean, Hardware(board=case.draw).scaled(gaps.hardware), seed_of(case, config))
 
 

@@ -95,7 +95,12 @@ def differences(registered: Sequence[Mapping[str, Any]], table: Path) -> list[st
 def _equal(cell: str, value: Any) -> bool:
     if value == CHANCE:  # it follows from the classes of the campaign
         return cell != ""
-    return math.isclose(float(cell or "nan"), value) if isinstance(value, float) else cell == (value or "")
+    if not isinstance(value, float):
+        return cell == (value or "")
+    try:
+        return math.isclose(float(cell), value)
+    except ValueError:
+        return False
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

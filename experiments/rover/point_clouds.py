@@ -54,7 +54,8 @@ BETTER = Claim("more measured detections agree with the simulation than with the
 FOUND, CONTROL = "measured detections that are simulated", "measured detections that are simulated, control"
 EXTRA, CHAMFER = "simulated detections that are measured", "Chamfer distance (m)"
 COUNTS = {domain: f"detections in a frame, {LABELS[domain]}" for domain in COMPARED}
-METRICS = (FOUND, CONTROL, EXTRA, CHAMFER, *COUNTS.values())
+SHARES = (FOUND, CONTROL, EXTRA)
+METRICS = (*SHARES, CHAMFER, *COUNTS.values())
 GAIN = "measured detections that are simulated, above the control"
 
 
@@ -80,7 +81,7 @@ def cells(frame: Frame) -> Iterator[Cell]:
     for (place, here), (_, some) in zip(frame.groupby(WHERE), pairs.groupby(WHERE), strict=True):
         for metric in METRICS:
             if len(defined := some[metric].dropna()):
-                yield Cell(_at(place), metric, here, mean(defined, SHARE if " that are " in metric else POSITIVE))
+                yield Cell(_at(place), metric, here, mean(defined, SHARE if metric in SHARES else POSITIVE))
     pairs[GAIN] = pairs[FOUND] - pairs[CONTROL]
     for (room, motion), some in pairs.dropna(subset=GAIN).groupby(["room", "motion"]):
         here = frame[(frame.room == room) & (frame.motion == motion)]

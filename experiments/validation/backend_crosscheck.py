@@ -222,9 +222,10 @@ def _rows(key: tuple[str, str, str], each: list[Compared], config: Config) -> li
     """Return the table rows of one room and reference: shares of matched paths, and mean absolute errors over paths."""
     room, detail, name = key
 
-    def row(metric: str, samples: np.ndarray, holds: Callable[[float, float], bool] | None) -> dict[str, Any]:
+    def row(
+        metric: str, samples: np.ndarray, holds: Callable[[float, float], bool] | None, limits: tuple[float, float] = statistics.POSITIVE
+    ) -> dict[str, Any]:
         n = len(samples)
-        limits = statistics.SHARE if "share" in metric else statistics.POSITIVE
         found = statistics.mean(samples, config.profile.resamples, config.seed, limits) if n else None
         low, value, high = (found.low, found.value, found.high) if found else (None, None, None)
         verdict = claims.limit_kept(None if holds is None or low is None or high is None else holds(low, high))
@@ -237,8 +238,8 @@ def _rows(key: tuple[str, str, str], each: list[Compared], config: Config) -> li
         return np.concatenate([getattr(one, field) for one in each]).astype(float)
 
     found = [
-        row("matched share", joined("matched"), lambda low, _: low >= SHARE),
-        row("share of ours it has", joined("ours_matched"), None),
+        row("matched share", joined("matched"), lambda low, _: low >= SHARE, statistics.SHARE),
+        row("share of ours it has", joined("ours_matched"), None, statistics.SHARE),
         row("level error (dB)", np.abs(joined("level_db")), lambda _, high: high <= LEVEL_DB),
         row("level difference where an edge cuts the zone (dB)", np.abs(joined("cut_level_db")), None),
     ]

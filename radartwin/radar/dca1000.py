@@ -177,7 +177,10 @@ class SampleFile:
         places: list[int] = []
         for start in range(0, self.size, _SEARCHED_BYTES):
             data = self.read(start, _SEARCHED_BYTES + len(_MAGIC) - 1)  # magic words may lie across two blocks or two files
-            places += [start + match.start() for match in re.finditer(b"(?=%s)" % re.escape(_MAGIC), data)]
+            place = data.find(_MAGIC)
+            while place >= 0:
+                places.append(start + place)
+                place = data.find(_MAGIC, place + 1)
         distances = np.diff([*places, self.size])
         distance = Counter(distances.tolist()).most_common(1)[0][0]
         if distance <= chirp_bytes:

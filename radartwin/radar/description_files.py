@@ -68,9 +68,12 @@ def read_json(path: Path) -> dict[str, Any]:
     present(path)
     try:
         values = untrusted_json.read(path)
-    except (ValueError, RecursionError) as error:
-        text = f"line {error.lineno}: {error.msg}" if isinstance(error, json.JSONDecodeError) else str(error)
-        raise RecordingError(f"{path}: {text}; write valid JSON") from error
+    except json.JSONDecodeError as error:
+        raise RecordingError(f"{path}: line {error.lineno}: {error.msg}; write valid JSON") from error
+    except UnicodeDecodeError as error:
+        raise RecordingError(f"{path}: not a text file; give a JSON file") from error
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits, or thousands of brackets
+        raise RecordingError(f"{path}: unreadable value ({error})") from error
     if not isinstance(values, dict):
         raise RecordingError(f"{path}: expected a JSON object, not {type(values).__name__}; write one object in braces")
     return values
@@ -107,7 +110,7 @@ def read_csv(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
         raise RecordingError(f"{path}: line {reader.line_num}: {error}; write valid CSV") from error
     header = lines[0][1] if lines else []
     if twice := [name for name in header if header.count(name) > 1]:
-        raise RecordingError(f"{path}: line 1: column {twice[0] or 'without a name'} occurs twice")
+        raise RecordingError(f"{path}: line {lines[0][0]}: column {twice[0] or 'without a name'} occurs twice; name each once")
     return header, lines[1:]
 
 

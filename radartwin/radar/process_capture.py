@@ -99,7 +99,7 @@ def _draw(maps: PowerMaps, name: str, peaks: Peaks, unit: str, title: str) -> Fi
         across, label, power = np.degrees(maps.azimuth_rad[::-1]), "azimuth (degrees), left positive", maps.range_azimuth[::-1]
         marks = np.degrees(peaks.azimuth_rad)
     level_db = decibels(power)
-    top = float(level_db.max())
+    top = float(level_db.max()) if power.any() else 0.0  # a silent recording has no level
     with matplotlib.rc_context(style.style()):
         figure, axes = style.figure(height_in=4.6)
         image = axes.imshow(

@@ -150,11 +150,7 @@ class Recording:
         bin_path, json_path = recording_files(path)
         present(bin_path, _PAIR)
         radar, described = read_described(path)
-        if (written := described.get("format", _FORMAT)) != _FORMAT:
-            raise RecordingError(
-                f"{json_path}: format {reprlib.repr(written)} is not '{_FORMAT}'; save the recording again with this version"
-            )
-        scale = _check_scale(described.get("scale"), str(json_path))
+        scale = _check_scale(described["scale"], str(json_path))
         swapped = described.get("iq_swapped", False)
         if not isinstance(swapped, bool):
             raise RecordingError(f"{json_path}: iq_swapped must be true or false, not {reprlib.repr(swapped)}")
@@ -209,10 +205,13 @@ def read_described(path: str | Path) -> tuple[Radar, dict[str, Any]]:
     """
     json_path = present(recording_files(path)[1], _PAIR)
     content = read_json(json_path)
+    for key in ("radar", "scale"):
+        if key not in content:
+            raise RecordingError(f"{json_path}: it has no {key!r}; give the .json of a recording that RadarTwin saved")
+    if (written := content.get("format", _FORMAT)) != _FORMAT:
+        raise RecordingError(f"{json_path}: format {reprlib.repr(written)} is not '{_FORMAT}'; save the recording again with this version")
     try:
         return Radar.from_dict(content["radar"]), content
-    except KeyError:
-        raise RecordingError(f"{json_path}: it has no 'radar'; give the .json file of a recording that RadarTwin saved") from None
     except (ValueError, TypeError) as error:
         raise RecordingError(f"{json_path}: {error}") from error
 

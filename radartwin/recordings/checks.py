@@ -68,12 +68,15 @@ def examine(folder: str | Path, progress: Progress | None = None) -> Report:
     for row in (progress or Progress(quiet=True)).over(report.rows, "recordings"):
         where = f"{RECORDINGS}/{row.recording}"
         pair = recording_files(folder / RECORDINGS / row.recording)
+        if missing := [path.name for path in pair if not path.is_file()]:
+            report.problems.append(f"{where}: {' and '.join(missing)}: no such file; record again or remove the row from {INDEX}")
+            continue
         try:
             for path in pair:
                 files.inside(folder, f"{RECORDINGS}/{path.name}")
             recording = Recording.load(folder / RECORDINGS / row.recording)
         except (UserError, OSError) as error:
-            report.problems.append(f"{where}: {error}".replace(f"{folder / RECORDINGS}/", ""))
+            report.problems.append(f"{where}: {str(error).replace(f'{folder / RECORDINGS}/', '')}")
             continue
         report.bytes += sum(path.stat().st_size for path in pair)
         report.frames += recording.num_frames
@@ -117,8 +120,8 @@ def check_samples(recording: Recording, row: Row, card: Card | None = None) -> t
             notes.append(text)
         else:
             problems.append(f"{text}; record again with a larger packet delay")
-    edge = np.mean([band_edge_db(recording.iq[frame]) for frame in spread_frames(recording.num_frames)])
-    if edge < -EDGE_DB and not recording.radar.real_sampling:
+    edges = [band_edge_db(recording.iq[frame]) for frame in spread_frames(recording.num_frames) if not recording.radar.real_sampling]
+    if edges and (edge := np.mean(edges)) < -EDGE_DB:
         flag = str(not recording.iq_swapped).lower()
         problems.append(
             f"I and Q seem exchanged: noise is {-edge:.1f} dB lower above zero beat frequency than below it; set iq_swapped to {flag}"

@@ -77,8 +77,9 @@ def columns_of(captures: Sequence[Path], root: Path, entries: Iterable[Entry]) -
         MissingError: an entry of the mapping file matches no capture.
         InputError: a pattern names the same column twice.
     """
-    out: list[dict[str, str] | None] = [None] * len(captures)
-    for entry in list(entries) or [Entry("**", {})]:
+    entries = list(entries)
+    out: list[dict[str, str] | None] = [None if entries else {} for _ in captures]
+    for entry in entries:
         pattern, matched = _compiled(entry.file), False
         for i, capture in enumerate(captures):
             match = next((m for name in _names(capture, root) if (m := pattern.fullmatch(name))), None)

@@ -87,7 +87,7 @@ def check_target(path: Path) -> None:
         import foxglove  # noqa: F401
         import mcap.writer  # noqa: F401
     except ImportError as error:
-        raise BackendError(f"--mcap needs the package {error.name}; install it with pip install 'radartwin[mcap]'") from error
+        raise BackendError("--mcap needs the packages foxglove-sdk and mcap; install them with pip install 'radartwin[mcap]'") from error
 
 
 def frame_time_ns(radar: Radar, frame: int, start_ns: int) -> int:

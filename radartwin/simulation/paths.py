@@ -63,6 +63,12 @@ class Paths:
         """Return the total lengths (N,) of the paths in metres."""
         return self.length_in_m + self.length_out_m
 
+    def reversed(self) -> "Paths":
+        """Return the paths with departure and arrival exchanged."""
+        return replace(
+            self, departure=self.arrival, arrival=self.departure, length_in_m=self.length_out_m, length_out_m=self.length_in_m
+        )  # fmt: skip
+
     def where(self, keep: np.ndarray | slice) -> "Paths":
         """Return the paths selected by a mask, indices or a slice."""
         if isinstance(keep, np.ndarray) and keep.dtype == bool:

@@ -51,7 +51,6 @@ class Gaps:
         object_material: strength of the deviations of wall thickness and permittivity of the target.
         antenna: strength of side lobes, back lobe and ripples of the antennas, which the nominal pattern lacks.
         person: amplitude of the echo, and of the sway, of a person who stands in the room.
-        unscanned_echoes: energy of static echoes that the scan does not know, over the energy of the room.
     """
 
     materials: float = 1.0
@@ -66,7 +65,6 @@ class Gaps:
     object_material: float = 1.0
     person: float = 1.0
     antenna: float = 1.0
-    unscanned_echoes: float = 0.0
 
 
 def truth(scene: Scene, gaps: Gaps, seed: int, clutter: Collection[str] = (), target: bool = False) -> Scene:

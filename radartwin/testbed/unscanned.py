@@ -1,7 +1,9 @@
 """Add echoes of static objects that the scan does not contain: fixtures of a room that nobody modelled, in front of and behind the target.
 
-Each echo comes from a point at a random place, and its amplitude is Rayleigh distributed. The strength of this gap is the energy of all
-echoes together over the energy outside the target gate without them. The echoes of a draw stay at their places in all its recordings.
+The echoes come from points at random places, which all recordings of a draw share. The places are relative to the pose of the radar in the
+middle of its course. All sizes are orders of magnitude: the paper names such fixtures and gives no number. The mean level of an echo does
+not depend on its distance, so that the strength alone sets the level. The strength is the energy of all echoes over the energy of the same
+recording outside the target gate.
 """
 
 from __future__ import annotations
@@ -16,26 +18,28 @@ from radartwin.radar.recording import Recording
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal.synthesis import received
 
-COUNT = 8  # number of echoes; order of magnitude
+COUNT = 8  # number of echoes; their amplitudes are Rayleigh distributed, as those of fixtures of many scattering centres
 NEAREST_M, FARTHEST_M = 0.5, 5.0  # distance from the place of the radar in the middle of its course
-BESIDE_RAD, ABOVE_RAD = np.radians(45.0), np.radians(15.0)  # largest angle from the line of sight of this radar
-CLEAR_M = 0.25  # smallest distance from the target in range, so that no echo lies in the target gate
-FRAMES = 24  # number of frames from which the energy of the room is computed
+BESIDE_RAD, ABOVE_RAD = np.radians(45.0), np.radians(15.0)  # largest angle from the direction in which this radar looks
+CLEAR_M = 0.25  # smallest distance from the target in range at any pose, so that no echo lies in the target gate
+FRAMES = 24  # smallest number of frames from which the energy of the room is computed, unless there are fewer
 
 
-def echoes(radar: Radar, sensor_poses: NDArray[np.float64], target_m: float, rng: np.random.Generator) -> Paths:
-    """Draw the echoes as paths at each pose (F, 4, 4) of a radar, up to a common factor. An echo near the range `target_m` is left out."""
+def echoes(radar: Radar, sensor_poses: NDArray[np.float64], target_m: NDArray[np.float64], rng: np.random.Generator) -> Paths:
+    """Draw the echoes as paths at each pose (F, 4, 4) of a radar, up to a common factor. An echo that comes near the range (F,) of the
+    target is left out.
+    """
     distance = rng.uniform(NEAREST_M, FARTHEST_M, COUNT)
     azimuth, elevation = (rng.uniform(-most, most, COUNT) for most in (BESIDE_RAD, ABOVE_RAD))
     level = rng.rayleigh(size=COUNT) * np.exp(2j * np.pi * rng.random(COUNT))
-    level, distance = level * (np.abs(distance - target_m) > CLEAR_M), distance[:, None]
     way = np.stack([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)], axis=1)
     middle = sensor_poses[len(sensor_poses) // 2]
-    places = middle[:3, 3] + (distance * way) @ middle[:3, :3].T
+    places = middle[:3, 3] + (distance[:, None] * way) @ middle[:3, :3].T
     # vectors from each pose to each place, in the coordinates of the radar at this pose
     ray = np.einsum("fji,fnj->fni", sensor_poses[:, :3, :3], places - sensor_poses[:, None, :3, 3]).reshape(-1, 3)
     length = np.linalg.norm(ray, axis=1)
     poses, ray = len(sensor_poses), ray / length[:, None]
+    level = level * (np.abs(length.reshape(poses, COUNT) - target_m[:, None]) > CLEAR_M).all(axis=0)
     return Paths(
         poses, np.repeat(np.arange(poses), COUNT), np.ones(poses * COUNT, int), np.tile(level, poses)[:, None],
         np.array([radar.start_frequency_hz]), length, length, ray, ray, np.zeros(poses * COUNT),
@@ -51,14 +55,13 @@ def added(
         radar: radar with the front end that receives the echoes.
         sensor_poses: (F, 4, 4) or (1, 4, 4) poses of the radar.
         target_m: (F,) logged range of the target.
-        strength: energy of the echoes over that outside the target gate; 0 returns the recording itself.
+        strength: energy of the echoes over that outside the target gate.
         seed: seed of the draw.
     """
-    if strength == 0:
-        return clean
     rng = np.random.default_rng(np.random.SeedSequence([seed, *b"unscanned echoes"]))
     frames = len(clean.iq)
-    more = received([echoes(radar, sensor_poses, float(np.mean(target_m)), rng)], radar, len(sensor_poses))
+    seen_m = target_m if len(sensor_poses) == len(target_m) else np.mean(target_m, keepdims=True)
+    more = received([echoes(radar, sensor_poses, seen_m, rng)], radar, len(sensor_poses))
     some = slice(None, None, max(frames // FRAMES, 1))
     inside, whole = gate_energies(*_profiles(Recording(clean.iq[some], clean.radar, None)), target_m[some])
     power, range_m = _profiles(Recording(more[some] if len(more) == frames else more, clean.radar, None))

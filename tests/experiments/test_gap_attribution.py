@@ -81,7 +81,7 @@ def test_every_simulated_room_of_the_paper_profile_has_materials(tmp_path: Path)
         assert len(room) > 10
 
 
-def test_the_paper_profile_switches_every_gap_alone_and_in_one_group() -> None:
+def test_the_paper_profile_switches_every_default_gap_alone_and_in_one_group() -> None:
     plan = PLANS["paper"]
     assert sorted(gap for gaps in plan.groups.values() for gap in gaps) == sorted(
         (LABELS, *(f.name for f in fields(GapConfig) if f.default))

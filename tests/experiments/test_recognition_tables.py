@@ -83,6 +83,7 @@ def test_labelled_probe_recognises_different_objects(tmp_path: Path):
         found = find(result, probe=kind, method=labelled_probe.PRETRAINED)
         assert (found["verdict"], found["n"], found["answers"]) == ("supported", 24, 48)
         assert found["chance"] == pytest.approx(1 / 6)
+    assert find(result, probe=labelled_probe.RECORDINGS, method=labelled_probe.PRETRAINED)["value"] > 0.8
     control = find(result, probe="control", method="simulated labels shuffled, nearest text")
     assert control["low"] <= control["chance"] <= control["high"]
 

@@ -304,7 +304,7 @@ overlap | max(0, -frames) | max(0, frames) | the offset has the wrong sign
 testbed/unscanned: testbed/test_unscanned
 added | np.sqrt(strength * np.mean(whole - inside) / energy) | strength * np.mean(whole - inside) / energy | energy is taken for amplitude
 added | whole - inside | whole | the target counts as room
-echoes | np.abs(distance - target_m) > CLEAR_M | distance > 0 | an echo lies in the target gate
+echoes | np.abs(length.reshape(poses, COUNT) - target_m[:, None]) > CLEAR_M | distance > 0 | an echo lies in the target gate
 
 features/profile: features/test_profile
 multipath_share | 1 - np.sum(inside) / np.sum(total) | np.sum(inside) / np.sum(total) | the direct share is reported

@@ -108,6 +108,7 @@ def test_gains_scale_the_channels_of_every_path():
     """A gain of g dB multiplies the samples of its channel by 10^(g/20); the reference is the same radar without gains."""
     radar = dataclasses.replace(rt.Radar.iwr1843("isotropic"), num_chirps=2)
     gained = dataclasses.replace(radar, tx_gains_db=(0.0, -6.0), rx_gains_db=(0.0, 3.0, -20.0, 1.5))
+    assert rt.Radar.from_dict(json.loads(json.dumps(gained.to_dict()))) == gained
     directions = np.array([[1.0, 0.0, 0.0], [0.8, 0.6, 0.0]])
     lengths = np.array([2.0, 3.5])
     paths = Paths(

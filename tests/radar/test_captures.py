@@ -34,7 +34,7 @@ ROWS = {
 def field(shared_data: Path) -> Path:
     """Return the folder with captures of the kinds that other people have, beside the real captures."""
     if not (folder := shared_data.parent / "field").is_dir():
-        pytest.skip(f"{folder} is absent: only the captures that this file writes itself are tested, which are of the same kinds")
+        pytest.skip(f"{folder} is not here: the captures of other people are not part of the repository")
     return folder
 
 

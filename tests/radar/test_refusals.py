@@ -1,4 +1,4 @@
-"""Each reader refuses a malformed text file by one line that names the file, the place and the remedy. One table of input and message."""
+"""Each reader refuses a malformed text file in one line that names the file. A row is an input, and words of the message."""
 
 import json
 from collections.abc import Callable

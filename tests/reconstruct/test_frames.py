@@ -171,6 +171,16 @@ def test_only_the_right_pose_convention_is_accepted(walk, tmp_path, convention, 
         checked(folder, lens, other)
 
 
+@pytest.mark.parametrize(
+    ("options", "words"), [(("--poses", "opengl"), "give --poses opencv"), (("--depth-unit", "0.005"), "--depth-unit 0.001")]
+)
+def test_the_command_checks_its_options_against_the_views_and_writes_nothing(walk, tmp_path, inside, options, words):
+    folder, lens = written(walk, tmp_path / "frames")
+    done = inside("reconstruct", folder, "--out", "out", "--up", "z", "--intrinsics", *map(str, lens), *options)
+    assert (done.returncode, words in done.stderr) == (2, True), done.stderr
+    assert not (tmp_path / "out").exists()
+
+
 def test_wrong_depth_unit_is_refused_with_the_right_unit_and_both_room_sizes(walk, tmp_path):
     folder, lens = written(walk, tmp_path / "frames")
     checked(folder, lens)

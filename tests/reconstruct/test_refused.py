@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from made_files import LFS
 from test_frames import arkit, own, pose_file, wall
 from test_fusion import frames
 from test_scan_mesh import HALL, field, room, write_glb, write_obj
@@ -21,7 +22,6 @@ from radartwin.reconstruct.scan_file import load_scan
 
 Row = tuple[type[Exception], str, Callable[[Path], object]]
 CORNERS, FACES = np.array([[0, 0, 0], [1.0, 0, 0], [0, 1, 1]]), [[0, 1, 2]]
-POINTER = "version https://git-lfs.github.com/spec/v1\noid sha256:8f\n"
 
 
 def of_mesh(error: type[Exception], message: str, vertices: np.ndarray, faces: Any, **options: Any) -> Row:
@@ -53,7 +53,12 @@ def changed(make: Callable[[Path], Path], name: str, content: bytes | None) -> C
 
 
 LENS = (40, 40, 15.5, 11.5)
-DARK = Frames.of([Frame(f.name, f.pose, f.intrinsics, f.depth_m + np.float32(6)) for f in frames(count=3)])
+
+
+def dark() -> Frames:
+    """Return frames that see nothing within 5 m."""
+    return Frames.of([Frame(f.name, f.pose, f.intrinsics, f.depth_m + np.float32(6)) for f in frames(count=3)])
+
 
 ROWS: list[Row] = [
     of_mesh(MeshError, r"a\.obj spans 6000 m.*millimetres.*--unit mm", room().vertices * 1000, room().faces),
@@ -69,7 +74,7 @@ ROWS: list[Row] = [
     *(of_field("lfs.*: it is a Git LFS pointer", f"mesh/lfs.{kind}") for kind in ("glb", "ply", "obj")),
     of_field("needs the glTF extension EXT_meshopt_compression, which RadarTwin does not read; export it without", "mesh/meshopt.glb"),
     of_field("needs the glTF extension EXT_mesh_gpu_instancing", "mesh2/instanced.glb"),
-    of_file("is a Git LFS pointer", "pointer.stl", lambda path: path.write_text(POINTER)),
+    of_file("is a Git LFS pointer", "pointer.stl", lambda path: path.write_bytes(LFS)),
     of_file(r"empty\.stl", "empty.stl", lambda path: path.write_text("solid nothing\nendsolid nothing\n")),
     of_file("needs the glTF extension VENDOR_points", "a.glb", lambda path: write_glb(path, HALL, extensionsRequired=["VENDOR_points"])),
     of_file("EXT_mesh_gpu_instancing", "a.glb", lambda path: write_glb(path, HALL, extensionsUsed=["EXT_mesh_gpu_instancing"])),
@@ -108,9 +113,9 @@ ROWS: list[Row] = [
     (ScanError, "same name", lambda _: Frames.of([wall("a"), wall("a")])),
     (ScanError, "1 frame and 2 poses;", lambda _: Frames.of([wall("a")]).with_poses(np.tile(np.eye(4), (2, 1, 1)))),
     (PoseError, "not finite", lambda _: Frames(["0"], wall().pose[None] * np.nan, lambda i: wall())),
-    (ScanError, "no usable depth within 5 m", lambda _: fuse(DARK)),
+    (ScanError, "no usable depth within 5 m", lambda _: fuse(dark())),
     (ScanError, r"pass voxel_m=0\.0[4-9]", lambda _: fuse(frames(count=12), voxel_m=0.03, refine=False)),
-    (ScanError, "no frame has colour", lambda _: with_depth(DARK, lambda colour: colour[..., 0])),
+    (ScanError, "no frame has colour", lambda _: with_depth(dark(), lambda colour: colour[..., 0])),
 ]
 
 

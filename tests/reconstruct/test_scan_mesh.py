@@ -130,7 +130,7 @@ LEFT_OUT = {"mesh2/ktx2.glb": "without its KTX2 pictures, which RadarTwin cannot
 
 def field(name):
     if not FIELD.is_dir():
-        pytest.skip(f"{FIELD} is absent: only the meshes that this file writes itself are tested, which are of the same kinds")
+        pytest.skip(f"{FIELD} is not here: the meshes of other people are not part of the repository")
     return FIELD / name
 
 

@@ -1,4 +1,4 @@
-"""Objects: the canonical shapes, the twelve catalogue objects (classes, sizes, contents and meshes), and objects from mesh files."""
+"""Objects: canonical shapes, catalogue and assortment (classes, sizes, contents and meshes), and objects from mesh files."""
 
 from collections import Counter
 
@@ -39,7 +39,7 @@ def test_classes_have_the_counts_of_the_study():
     assert twelve["corner_reflector"].shape == "faceted"
 
 
-def test_the_assortment_decides_what_twelve_objects_cannot():
+def test_the_assortment_has_enough_objects_of_each_class_and_kind():
     some = [entry for kind in assortment().values() for entry in kind]
     counts = Counter(entry.material_class for entry in some)
     assert len(some) >= 48

@@ -80,7 +80,7 @@ SENTENCES = {
     "on the table": "names no object",
     "two mugs on the table": "several",
     "a mug 1.5 in front of the door": "no unit",
-    "a mug between the door and the window": "not",
+    "a mug between the door and the window": "'a mug between the door' gives no place",
     "a mug on the table with a lid": "'table with a lid'",
     "a mug on the table on the floor": "two things",
     "a mug 1 m on the table": "'on' takes none",
@@ -100,6 +100,7 @@ TRACKS = {  # a text that begins with "t," is a CSV file
     LINE + "1 0 0 0 0 0 0 1\n1 1 0 0 0 0 0 1\n": "line 3: its time 1 s equals that of",
     LINE + "# between\n-1 0 0 0 0 0 0 1\n": "line 3: its time -1 s is earlier than",
     LINE + "1 0 0 0.4 0 0 0 2\n": "line 2: the quaternion has length 2",
+    LINE + "1 0 0 0.4 0 0 0 0\n": "length 0",
     LINE + "500 900000 0 400 0 0 0 1\n": "convert the coordinates to metres",
     LINE + "1 200 0 0.4 0 0 0 1\n" + "2 0 0 0.4 0 0 0 1\n": "millimetres|metres",
     LINE + "100000000 0.1 0 0.4 0 0 0 1\n": "nanoseconds",
@@ -153,7 +154,7 @@ ROWS: list[Row] = [
     of_file(MeshError, "broken.glb", "glTF but not really", "cannot be read", metal),
     of_file(MeshError, "room.dwg", "AC1032", "not a supported mesh file", metal),
     of_file(MeshError, "nan.ply", NAN, "NaN", metal),
-    of_file(MeshError, "points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "", metal),
+    of_file(MeshError, "points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "holds no triangles; give a mesh", metal),
     of_manifest(SceneError, r"manifest\.json is not a radartwin-scene", lambda text: "{"),
     of_manifest(SceneError, r"manifest\.json is not a radartwin-scene", lambda text: "[]"),
     of_manifest(SceneError, r"manifest\.json is not a radartwin-scene", lambda text: text.replace("radartwin-scene", "other")),
@@ -167,11 +168,15 @@ ROWS: list[Row] = [
     (SceneError, "no colours of a scan", page(by="colour")),
     (PoseError, "4, 4", page(poses=np.eye(3))),
     (PoseError, "finite", page(poses=np.full((2, 4, 4), np.nan))),
-    (OutputError, "does not end with .html; give the page a name such as page.html", page(path=Path("page.json"))),
+    (
+        OutputError,
+        "does not end with .html; give the page a name such as page.html",
+        lambda folder: page(path=folder / "page.json")(folder),
+    ),
     (PoseError, "look_at: position and target are both", lambda _: trajectory.look_at([1, 1, 1], [1, 1, 1])),
     *((PoseError, f"{count} frames", lambda _, count=count: trajectory.static(np.eye(4), count)) for count in COUNTS),
     (PoseError, "holds 11 frames at 10 Hz, not 12", lambda _: parse_track(TUM, "run", csv=False).frames(10.0, 12)),
-    (PoseError, "covers 0 to 1 s", lambda _: parse_track(TUM, "run", csv=False).at([-0.1])),
+    *((PoseError, "covers 0 to 1 s", lambda _, at=at: parse_track(TUM, "run", csv=False).at(at)) for at in ([-0.1], [0.5, 1.2])),
     (PoseError, "optical", lambda _: parse_track(TUM, "run", csv=False).from_axes("camera")),  # type: ignore[arg-type]
     (MissingError, "TUM or CSV", lambda folder: read_track(folder / "none.txt")),
     *(of_file(PoseError, "run.csv" if text[:2] == "t," else "run.tum", text, word, read_track) for text, word in TRACKS.items()),
@@ -216,4 +221,4 @@ def test_wrong_input_is_refused_in_one_line(error, message, call, tmp_path):
     with pytest.raises(error, match=message) as caught:
         call(tmp_path)
     assert "\n" not in str(caught.value)
-    assert not [path for path in tmp_path.rglob("*") if path.suffix == ".html" or path.name == "empty"]
+    assert not [path for path in tmp_path.rglob("*") if path.suffix == ".html" or path.name in ("empty", "page.json")]

@@ -38,17 +38,25 @@ def test_the_energy_of_the_echoes_is_that_of_the_room_times_the_strength(strengt
     assert np.ptp(more.iq, axis=0).max() < 1e-3 * np.abs(more.iq).max()  # the echoes are static
 
 
-def test_strength_zero_returns_the_recording_and_a_draw_keeps_its_echoes():
+def test_a_draw_keeps_its_echoes():
     clean = tones(2.0, 4.0)
-    assert unscanned.added(clean, RADAR, POSES, TARGET_M, 0.0, 5) is clean
     first, again, other = (unscanned.added(clean, RADAR, POSES, TARGET_M, 1.0, seed).iq for seed in (5, 5, 6))
     assert np.array_equal(first, again)
     assert not np.allclose(first, other)
 
 
 def test_echoes_lie_on_both_sides_of_the_target_and_not_at_it():
-    drawn = [unscanned.echoes(RADAR, POSES, 2.0, np.random.default_rng(seed)) for seed in range(50)]
+    drawn = [unscanned.echoes(RADAR, POSES, np.array([2.0]), np.random.default_rng(seed)) for seed in range(50)]
     length = np.concatenate([one.length_in_m[np.abs(one.amplitude[:, 0]) > 0] for one in drawn])
     assert (np.abs(length - 2.0) > unscanned.CLEAR_M).all()
     assert 0.2 < np.mean(length < 2.0) < 0.45  # a third of the distances from 0.5 to 5 m lies before the target
     assert all(np.linalg.norm(one.departure, axis=1) == pytest.approx(1.0) for one in drawn)
+
+
+def test_no_echo_comes_near_the_target_on_a_drive():
+    poses, target_m = np.tile(np.eye(4), (20, 1, 1)), np.linspace(1.5, 0.5, 20)
+    poses[:, 0, 3] = 1.5 - target_m
+    for seed in range(50):
+        drawn = unscanned.echoes(RADAR, poses, target_m, np.random.default_rng(seed))
+        kept = np.abs(drawn.amplitude[:, 0]) > 0
+        assert (np.abs(drawn.length_in_m - target_m[drawn.pose])[kept] > unscanned.CLEAR_M).all()

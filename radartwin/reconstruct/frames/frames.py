@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import overload
 
@@ -103,6 +103,9 @@ class Frames(Sequence[Frame]):
             return dataclasses.replace(self._read(chosen), pose=self.poses[chosen])
         picked = list(chosen)
         return Frames([self.names[i] for i in picked], self.poses[picked], lambda i: self._read(picked[i]), self.source, self.scan_of)
+
+    def __iter__(self) -> Iterator[Frame]:  # that of Sequence would take an IndexError of a reader for the end
+        return (self[i] for i in range(len(self)))
 
     def with_poses(self, poses: np.ndarray) -> Frames:
         """Return the same frames with their poses replaced by `poses` (N, 4, 4), camera-to-world."""

@@ -166,7 +166,7 @@ def load_one_camera(
     def lens(i: int, kind: str, size: tuple[int, int]) -> np.ndarray:
         return camera if kind == "depth" else rescaled(camera, first_size, size)
 
-    files = [Files(depths[i] if depths else None, colours[i] if colours else None) for i in range(len(names))]
+    files = [Files(None if colour_only else depths[i], colours[i] if colours else None) for i in range(len(names))]
     return opened(folder, names, z_up(poses, up or _upward(poses, folder)), files, lens, unit_m, colour_only, scan_digest([file]))
 
 
@@ -183,7 +183,7 @@ def _pose_file(folder: Path, colour_only: bool) -> _Listed:
         raise ScanError(
             f"{folder}: {plural(len(rows), 'pose')}, {len(depths)} depth and {len(colours)} colour pictures; give one of each per frame"
         )
-    return [p.stem for p in counted], rows, depths if len(depths) == len(rows) else [], colours
+    return [p.stem for p in counted], rows, depths, colours
 
 
 def _tum(folder: Path, colour_only: bool) -> _Listed:
@@ -196,7 +196,7 @@ def _tum(folder: Path, colour_only: bool) -> _Listed:
         raise ScanError(f"{folder}: no picture has a pose within {TUM_MAX_S} s in groundtruth.txt; use files of one clock")
     colours = [None if colour is None else colour_files[colour] for _, _, colour in nearest]
     names = [f"{times[i]:.6f}" for i, _, _ in nearest]
-    return names, truth[[pose for _, pose, _ in nearest], 1:], [depths[i] for i, _, _ in nearest] if depths else [], colours
+    return names, truth[[pose for _, pose, _ in nearest], 1:], [] if colour_only else [depths[i] for i, _, _ in nearest], colours
 
 
 def _camera(folder: Path, intrinsics: Sequence[float] | None) -> np.ndarray:

@@ -74,9 +74,24 @@ def _reduced(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
         return np.zeros((0, 0, 3), np.uint8), np.ones(4)
     factor = max(round(float(frame.colour_intrinsics[0, 0] / frame.intrinsics[0, 0])), 1)
     height, width = (n // factor for n in frame.colour.shape[:2])
-    blocks = frame.colour[: height * factor, : width * factor].reshape(height, factor, width, factor, 3)
-    small = ((2 * blocks.sum(axis=(1, 3), dtype=np.uint32) + factor**2) // (2 * factor**2)).astype(np.uint8)
+    small = _averaged(np.ascontiguousarray(frame.colour), factor)
     return small, _lens(rescaled(frame.colour_intrinsics, (width * factor, height * factor), (width, height)))
+
+
+@compiled
+def _averaged(picture, factor):
+    """Return the picture (h, w, 3) uint8 of which each pixel is the mean of `factor` x `factor` pixels of `picture`."""
+    height, width = picture.shape[0] // factor, picture.shape[1] // factor
+    out = np.empty((height, width, 3), np.uint8)
+    for v in range(height):
+        for u in range(width):
+            for c in range(3):
+                total = 0
+                for i in range(factor):
+                    for j in range(factor):
+                        total += picture[v * factor + i, u * factor + j, c]
+                out[v, u, c] = (2 * total + factor * factor) // (2 * factor * factor)
+    return out
 
 
 @compiled

@@ -168,7 +168,9 @@ def simplified(mesh: trimesh.Trimesh, faces: np.ndarray) -> tuple[trimesh.Trimes
         best, error = _decimated(smooth, index, goal, points) if goal < len(index) else (piece, 0.0)
         if error <= ERROR_M:
             break
-    best.update_faces(best.nondegenerate_faces(height=1e-6))
+    corners = np.asarray(best.triangles)
+    sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+    best.update_faces(2 * np.asarray(best.area_faces) >= 1e-6 * np.maximum(sides.max(axis=1), 1e-12))  # heights below 1 um
     best.remove_unreferenced_vertices()
     return (best, error) if len(best.faces) else None
 

@@ -147,7 +147,7 @@ def _anchor(surfaces: Sequence[Surface], middle: np.ndarray) -> Anchor:
 
 
 def _front(surfaces: Sequence[Surface], points: np.ndarray, middle: np.ndarray) -> np.ndarray:
-    """Return the horizontal unit vector (2,) out of an anchor's front side: into the room, or for furniture towards its middle."""
+    """Return the horizontal unit vector (2,) out of an anchor's front side, which is the side towards the middle of the room."""
     from scipy.spatial import QhullError
 
     centre = (points.min(axis=0) + points.max(axis=0)) / 2

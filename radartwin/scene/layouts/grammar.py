@@ -74,7 +74,7 @@ def parse(sentence: str) -> Layout:
 
 
 def _with(item: Item, clause: str, phrases: list[re.Match[str]], items: list[Item], index: int, sentence: str) -> Item:
-    """Add the support, relations and rotation of a clause to `item`, number `index` in `items`. "it" means the preceding object."""
+    """Return `item`, number `index` in `items`, with the support, relations and rotation of a clause. "it" means the preceding object."""
     for phrase, following in zip(phrases, [*phrases[1:], None], strict=True):
         thing = clause[phrase.end() : following.start() if following else len(clause)].strip()
         if phrase["yaw"] is not None:

@@ -1,10 +1,11 @@
 """Define the assortment: a second set of turntable objects, large enough that claims about recognition can be decided.
 
 The file assortment.csv lists kind, material, contents, size and the source of the size of each object. Sizes are those of the Can
-Manufacturers Institute (CMI), of the YCB set (B. Calli et al., IEEE Robotics and Automation Magazine 22 (2015) 36), of product pages, or of
-catalogue bottles at another volume. The objects of a kind have one shape and differ in size, and some bottles also in plastic and contents,
-so that another object of its kind is a wrong model of an object. Shapes, walls and the handles of mugs follow the catalogue; without a
-stated handle its reach is an order-of-magnitude estimate.
+Manufacturers Institute (CMI), of the YCB set (B. Calli et al., IEEE Robotics and Automation Magazine 22 (2015) 36), of other data sets, of
+product pages (given by their site), or of catalogue bottles stretched by the cube root of the volume. The objects of a kind have one shape
+and differ in size, and some bottles also in plastic and contents. A simulation can therefore use another object of the same kind as a
+deliberately wrong model. Shapes and walls follow the catalogue, and caps grow with the bottle. The reach of a mug's handle that no source
+states is an order of magnitude.
 """
 
 from __future__ import annotations
@@ -84,7 +85,7 @@ def _entry(row: Mapping[str, str]) -> Entry:
     width, depth, height = (float(row[f"{name}_mm"]) / 1000 for name in ("width", "depth", "height"))
     size = width, depth, height
     wall, material_class, look = WALLS[material]
-    outline = None
+    wall, outline = wall / 2 if kind == "drink can" else wall, None  # drink cans have half the wall of food cans, as in the catalogue
     if kind.endswith("can"):
         outline = vessels.drink_can(width, height) if kind == "drink can" else vessels.food_can(width, height)
         build = can(outline, look)

@@ -61,7 +61,7 @@ class Entry:
         contents: name of the material inside the object, or None for air.
         shape, material_class: the object's shape class and material class, the class labels of the recognition study.
         minc: category of the wall material in the MINC data set of material photographs.
-        volume_ml: inside volume in millilitres, for a can up to the brim, and for a bottle as printed on the label; None for the reflector.
+        volume_ml: inside volume in millilitres, for a can up to the brim, for a bottle as on its label; None if no source states it.
         description: description of what the object looks like, from which a text encoder computes a text embedding of the class.
         source: publication or standard from which the dimensions come.
         build: function that returns the parts of the object, given its contents ("air" if the object is empty).

@@ -188,4 +188,5 @@ def handle(wall_m: float, low_m: float, high_m: float, reach_m: float) -> trimes
     turn = 2 * np.pi * np.arange(32) / 32
     rings = path[:, None] + (0.013 / 2) * np.cos(turn)[None, :, None] * across + (0.009 / 2) * np.sin(turn)[None, :, None] * inward[:, None]
     bow = _tube(rings, path[[0, -1]])
-    return smoothed(trimesh.Trimesh(bow.vertices, bow.faces[:, [1, 2, 0]], process=False))  # keeps recorded results equal bit for bit
+    # the normals of vertices depend on the first corner of a face
+    return smoothed(trimesh.Trimesh(bow.vertices, bow.faces[:, [1, 2, 0]], process=False))

@@ -40,7 +40,7 @@ def empty() -> Scene:
 
 
 def void(detail: str = "bare") -> Scene:
-    """Return a scene without a room at any detail, for an object on a stand in otherwise free space."""
+    """Return a scene without a room, for an object on a stand in otherwise free space. `detail`, an option of every room, has no effect."""
     return Scene([], {"room": "void"})
 
 

@@ -234,8 +234,7 @@ def _both_ways(part: Paths, first_m: np.ndarray, cross: np.ndarray) -> list[Path
     if not cross.any():
         return [part]
     there, first = part.where(cross), first_m[cross]
-    lengths = {"length_in_m": there.length_m - first, "length_out_m": first}
-    return [part, replace(there, departure=there.arrival, arrival=there.departure, **lengths)]
+    return [part, replace(there, length_in_m=first, length_out_m=there.length_m - first).reversed()]
 
 
 def _traced(

@@ -26,7 +26,7 @@ PIECES = 3  # number of smaller tubes, along each grid axis, in the width of a t
 LINES = 4  # largest number of cuts through one square; further borders in the square are ignored
 SAME_LINE = 0.02  # borders that are closer than this to an earlier cut, in cells, do not cut it again
 SLIVER = 1e-3  # smallest area of a piece, in cells
-ROOM = 4096  # number of pieces for which memory is reserved at first; the memory grows if needed
+FIRST_ROWS = 1024  # number of pieces of a pose for which memory is reserved at first; the memory grows if needed
 _MOST = CORNERS + 2  # largest number of corners while a square is cut: four plus one for each cut
 _edges: "weakref.WeakKeyDictionary[Geometry, Edges]" = weakref.WeakKeyDictionary()
 
@@ -110,12 +110,13 @@ def cut(
     scale = np.stack([grid.low_u, grid.low_v, grid.step_u, grid.step_v], axis=1)
     places = [fixed(np.asarray(values, float)) for values in (grid.source, frame, scale)]
 
-    def written(begin: int, stop: int, room: int) -> list[np.ndarray] | None:
-        out = Pieces(np.empty(room, np.int64), np.empty((room, 2)), np.empty((room, CORNERS, 2)))
+    def written(begin: int, stop: int, rows: int) -> list[np.ndarray] | None:
+        rows *= stop - begin
+        out = Pieces(np.empty(rows, np.int64), np.empty((rows, 2)), np.empty((rows, CORNERS, 2)))
         count = _cut(poses[0] + begin, poses[0] + stop, *some[:3], *places, fine, poses[0], grid.plane, out)
         return [array[:count] for array in out] if count >= 0 else None
 
-    return Pieces(*gathered(written, poses[1] - poses[0], ROOM))
+    return Pieces(*gathered(written, poses[1] - poses[0], FIRST_ROWS))
 
 
 @compiled

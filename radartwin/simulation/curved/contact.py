@@ -11,10 +11,10 @@ import mitsuba as mi
 
 from radartwin.simulation.curved.device import Device
 from radartwin.simulation.curved.flight import Tubes
+from radartwin.simulation.visibility import SHORT
 
 COS_GRAZING = 1e-3  # tubes with a smaller cosine of incidence are ignored, because they cannot resolve the echo of a smooth surface
 FLAT = 1e-10  # a facet counts as flat if the sum of the squared differences of its unit vertex normals is below this limit
-SHADOW_SHORT = 1e-4  # a visibility test ends before its target point, by this fraction of the distance
 
 
 @dataclass
@@ -171,7 +171,7 @@ def limited(origin: Any, direction: Any, reach: Any) -> Any:
 
 def visible(device: Device, contact: Contact, outgoing: Any, length_out: Any, seen: Any, plane: bool) -> Any:
     """Return a mask of those tubes in `seen` for which no facet blocks the line from the contact to the receiver."""
-    reach = mi.Float(dr.largest(mi.Float)) if plane else (1 - SHADOW_SHORT) * length_out
+    reach = mi.Float(dr.largest(mi.Float)) if plane else (1 - SHORT) * length_out
     return seen & ~device.scene.ray_test(limited(contact.facet_point + contact.flat_normal * device.lift, outgoing, reach), seen)
 
 

@@ -43,8 +43,8 @@ def blocks(
     panes: bool,
     wavelength_m: float,
 ) -> Iterator[TubeSelection]:
-    """Yield the tubes of a grid in blocks. A block holds all tubes of one or more sensor poses, or, if a pose has more, TUBES_PER_BLOCK
-    tubes.
+    """Yield the tubes of a grid in blocks. A block holds all tubes of one or more sensor poses. If a pose has more than
+    TUBES_PER_BLOCK tubes, a block holds that many consecutive tubes, also of two poses.
 
     The function cuts no tube of a room, whose tubes overlap, and none if the tubes of a pose do not fit into one block.
 

@@ -16,7 +16,7 @@ from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.simulation import variant
 from radartwin.simulation.curved import contact as contacts
 from radartwin.simulation.curved import division, flight, scatter
-from radartwin.simulation.curved.contact import SHADOW_SHORT, Contact
+from radartwin.simulation.curved.contact import Contact
 from radartwin.simulation.curved.device import Device
 from radartwin.simulation.curved.flight import Tubes, picked
 from radartwin.simulation.curved.jones import Coefficients, Encounters
@@ -29,6 +29,7 @@ from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.pruning import EARLY, largest
 from radartwin.simulation.reflection_table import ReflectionTable
+from radartwin.simulation.visibility import SHORT
 
 
 @dataclass
@@ -111,7 +112,7 @@ class Tracer:
         self.walls = None if shells is None else Sheets(self.device, shells.faces)
         self.panes = None if panes is None else Sheets(self.device, panes)
         self.most = None if options.bounces is None else upload(mi.UInt32, options.bounces)
-        self.large = grid.per_pose > division.TUBES_PER_BLOCK  # a large object close to the radar may fill a few percent of its grid
+        self.large = grid.per_pose > division.TUBES_PER_BLOCK  # then tubes that hit nothing are dropped first
         self.wavelength_m = SPEED_OF_LIGHT / float(table.frequencies_hz.mean())
         self.monostatic = bool(np.array_equal(transmit.position, receive.position))
         self.setting = Setting(
@@ -142,7 +143,7 @@ class Tracer:
         tubes = flight.start(self.setting.grid, self.setting.transmit_axis, self.setting.transmit_cross, index, pieces)
         active = contacts.cast(self.device, tubes, True)
         corner = None if pieces is None else pieces.corner
-        if self.large:
+        if self.large and not self.options.hats:  # nearly every tube of a room meets a wall
             dr.eval(tubes, active)
             tubes, active = tubes.compacted(dr.compress(active)), mi.Bool(True)
             if not dr.width(tubes.index):
@@ -200,7 +201,7 @@ class Tracer:
         dr.eval(hits, origin, across)
         groups = [(hits, hits.pop())]
         if panes:
-            reach = dr.full(mi.Float, dr.inf, dr.width(origin)) if self.grid.plane else (1 - SHADOW_SHORT) * mi.Float(hits[2])
+            reach = dr.full(mi.Float, dr.inf, dr.width(origin)) if self.grid.plane else (1 - SHORT) * mi.Float(hits[2])
             groups = ((picked(hits, free), met) for free, met in panes.free(Line(origin, hits[4], reach, across), self.grid.plane))
         return [self._read(some, met, bounce, strongest) for some, met in groups]
 

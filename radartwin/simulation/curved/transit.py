@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 import drjit as dr
 import mitsuba as mi
 
-from radartwin.simulation.curved.contact import SHADOW_SHORT, Contact, Encounter, encounter, limited, surface
+from radartwin.simulation.curved.contact import Contact, Encounter, encounter, limited, surface
 from radartwin.simulation.curved.device import Device
 from radartwin.simulation.curved.flight import Tubes, picked
 from radartwin.simulation.drjit_arrays import upload
+from radartwin.simulation.visibility import SHORT
 
 # Largest number of panes that a path crosses before its last reflection, and also after it. Four panes of glass leave -25 dB each way.
 CROSSINGS = 4
@@ -53,12 +54,12 @@ class Sheets:
         seen = seen & hit.is_valid()
         wall = surface(self.device, hit.prim_index, hit.prim_uv.x, hit.prim_uv.y, origin, outgoing, seen)
         seen = seen & dr.gather(mi.Bool, self.faces, wall.face, seen) & ~wall.outside
-        reach = mi.Float(dr.largest(mi.Float)) if plane else (1 - SHADOW_SHORT) * length_out - dr.dot(wall.facet_point - origin, outgoing)
+        reach = mi.Float(dr.largest(mi.Float)) if plane else (1 - SHORT) * length_out - dr.dot(wall.facet_point - origin, outgoing)
         ray = limited(wall.facet_point - wall.flat_normal * self.device.lift, outgoing, reach)
         return wall, seen & ~self.device.scene.ray_test(ray, seen)
 
     def behind(self, tubes: Tubes, contact: Contact, active: Any) -> tuple[Tubes, Any]:
-        """Return a copy of each tube that continues straight through its pane, and a mask of the tubes that meet a pane. The tubes are at
+        """Return a copy of each tube that continues straight through its sheet, and a mask of the tubes that meet one. The tubes are at
         their contacts, before reflection.
         """
         active = active & dr.gather(mi.Bool, self.faces, contact.face, active)

@@ -186,7 +186,7 @@ def _extend(region: _Region, start: np.ndarray, along: np.ndarray, strip: list[t
             gap = np.interp(t, (first, last), (one, two))
             ring = [*(origin + t[:, None] * way), *(origin + t[::-1, None] * way + gap[::-1, None] * away)]
             # The ring crosses itself if the side crosses the line, and is a triangle and a line if the side only touches the line.
-            gaps = shapely.multipolygons(_areas(shapely.make_valid(Polygon(ring))))
+            gaps = shapely.make_valid(Polygon(ring), method="structure", keep_collapsed=False)
             filled = _areas(shapely.union(region.polygon, gaps, grid_size=1e-7))
             if len(filled) == 1:
                 region.polygon = filled[0]
@@ -194,7 +194,7 @@ def _extend(region: _Region, start: np.ndarray, along: np.ndarray, strip: list[t
 
 def _areas(shape: Any) -> list[Any]:
     """Return the polygons of a shape, without the lines that set operations leave where two sides coincide."""
-    return [part for part in shapely.get_parts(shapely.get_parts(shape)) if isinstance(part, Polygon)]
+    return [part for part in shapely.get_parts(shape) if isinstance(part, Polygon)]
 
 
 def _planes(corners: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -71,7 +71,7 @@ NODES = 3  # smallest number of frequency nodes, because the amplitude of a piec
 MOST_FACES = 64  # objects with more faces are traced by tubes
 SMALLEST_M = 5e-4  # smallest width of a face
 CORNERS = 24  # largest number of corners of a polygon
-ROOM = 4096  # number of paths of a piece of work for which memory is reserved at first; the memory grows if needed
+FIRST_ROWS = 4096  # number of paths of a piece of work for which memory is reserved at first; the memory grows if needed
 # For PER_BEAM paths, the memory also has one entry for a beam that waits for its next reflection. For PER_PIECE paths, it also has one
 # entry for a convex piece of a lit part.
 PER_BEAM, PER_PIECE = 8, 64
@@ -235,14 +235,14 @@ def paths(
     shared = _Body(body, Tables.of(table.te, table.tm, table.through_te, table.through_tm), wavenumbers)
     arguments = shared, *places, together, most, fringes
 
-    def written(begin: int, stop: int, room: int) -> list[np.ndarray] | None:
-        length, departure, arrival = np.empty((3, room, 3))
-        out = _Out(np.empty((room, q), np.complex128), length, departure, arrival, np.empty(room, np.int64), np.zeros(1, np.int64))
-        pair = np.empty(room, np.int64)
+    def written(begin: int, stop: int, rows: int) -> list[np.ndarray] | None:
+        length, departure, arrival = np.empty((3, rows, 3))
+        out = _Out(np.empty((rows, q), np.complex128), length, departure, arrival, np.empty(rows, np.int64), np.zeros(1, np.int64))
+        pair = np.empty(rows, np.int64)
         fits = _all(begin, stop, *arguments, out, pair)
         return [array[: out.used[0]] for array in (pair, *out[:5])] if fits else None
 
-    pair, amplitude, length, departure, arrival, bounces = gathered(written, len(source), ROOM)
+    pair, amplitude, length, departure, arrival, bounces = gathered(written, len(source), FIRST_ROWS)
     return Hits(pair, bounces, amplitude, length[:, 0], length[:, 1], departure, arrival, length[:, 2])
 
 

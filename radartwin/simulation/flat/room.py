@@ -7,7 +7,7 @@ At each pose, the paths of the sequences of the nearest test place are then comp
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -459,9 +459,8 @@ class FlatRoom:
             departs, arrives, -np.einsum("ni,ni->n", departs + arrives, turned), mirror, gain.conj(), met,
         )  # fmt: skip
         # a path that is listed once also runs in reverse, with the same gain
-        back = out.where(every.reversible[which])
-        lengths = {"length_in_m": back.length_out_m, "length_out_m": back.length_in_m}
-        return Paths.concatenate([out, replace(back, departure=back.arrival, arrival=back.departure, **lengths)])
+        back = every.reversible[which]
+        return Paths.concatenate([out, out.where(back).reversed()]) if back.any() else out
 
     def maps(self, chains: np.ndarray) -> np.ndarray:
         """Return the maps (K, 3, 4) of a point to its image in the faces of each sequence (K, C), -1 beyond the last."""

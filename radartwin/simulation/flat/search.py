@@ -1,9 +1,9 @@
 """Search for the sequences of faces and edges that can carry a path, seen from any place of a cell, which is a ball of sensor positions.
 
 Beams start at the cell. A beam is the convex part of a face that the image of the cell lights, together with this image; the face mirrors
-the beam, and the faces beyond it clip the mirrored beam. The search follows a beam only if a path over it can be strong enough (`Levels`).
-A path that reflects at the faces of a beam can reach each edge inside the beam. Two such paths to one edge, out and back, give a path with
-one diffraction. Two edges that see each other, directly or over one face, give a path with two diffractions.
+the beam, and the faces beyond it clip the mirrored beam. The search follows a beam only if a path over it can be as strong as
+`Cell.least`. A path that reflects at the faces of a beam can reach each edge inside the beam. Two such paths to one edge, out and back,
+give a path with one diffraction. Two edges that see each other, directly or over one face, give a path with two diffractions.
 
 All geometric tests and bounds hold for the whole ball: the planes that bound a beam touch the ball on its far side, distances are shortened
 by the radius, and edges within reach of a shadow boundary count as lying on it. Only visibility is tested at single places of the cell.
@@ -13,12 +13,13 @@ Which of the sequences exist within a margin around one place, `field.evaluate` 
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from radartwin.compiled import compiled, cores, each, gathered, innermost
+from radartwin.compiled import compiled, cores, each, fitted, innermost
 from radartwin.simulation.flat.convex import clip, copy, twice_area
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.field import Walls, beside, edge_point, grazed_face, keller, mirrored, open_angle, panes_on, reflect_points
@@ -27,7 +28,7 @@ from radartwin.simulation.flat.vectors import cross, distance, dot, moved, norm,
 
 SPARE = 16  # a beam can have this many corners more than the outlines of the faces; further corners are left out
 SAMPLES = (0.02, 0.25, 0.5, 0.75, 0.98)  # places along an edge, relative to its length, where its visibility is tested
-TOGETHER = 100_000  # number of beams whose sequences are listed at once; limits memory
+BEAMS_AT_ONCE = 100_000  # number of beams whose sequences are listed at once; limits memory
 FEW = 3  # number of steps to estimate the two points of a double diffraction
 # Smallest ratio of the bound of a double diffraction to its field, as assumed by the search. The actual ratio is at least 8 for almost all
 # paths of the furnished laboratory and squash court. Compared with an assumed ratio of 1, the signal of these rooms changes by at most
@@ -117,6 +118,7 @@ def beam_planes(
 
 @innermost
 def middle_of(polygon: np.ndarray, count: int) -> Vector:
+    """Return the mean of the corners of a polygon."""
     x, y, z = 0.0, 0.0, 0.0
     for i in range(count):
         x, y, z = x + polygon[i, 0], y + polygon[i, 1], z + polygon[i, 2]
@@ -375,16 +377,21 @@ def reached(walls: Walls, cell: Cell, found: Beams, longest: int, twice: bool) -
 
     The second result is the largest transmission (M,) of the panes on the way. twice: whether paths may have two diffractions.
     """
-    few = Beams(*(values[found.order < longest] for values in found))
+    few = _fewer(found, longest)
 
-    def written(_: int, __: int, room: int) -> list[np.ndarray] | None:
-        out, through = np.empty((room, 2), np.int64), np.empty(room)
+    def written(rows: int) -> tuple[np.ndarray, np.ndarray] | None:
+        out, through = np.empty((rows, 2), np.int64), np.empty(rows)
         used = _reach(walls, cell, few, np.array(SAMPLES), longest, own_reflections(walls.faces), twice, out, through)
-        return [out[:used], through[:used]] if used >= 0 else None
+        return (out[:used], through[:used]) if used >= 0 else None
 
-    out, through = gathered(written, 1, 65536)
+    out, through = fitted(written, 65536)
     order = np.argsort(out[:, 0], kind="stable")
     return out[order], through[order]
+
+
+def _fewer(beams: Beams, longest: int) -> Beams:
+    """Return the beams of fewer than `longest` reflections, as views."""
+    return Beams(*(values[: np.searchsorted(beams.order, longest)] for values in beams))
 
 
 @innermost
@@ -666,12 +673,12 @@ def _closed(walls: Walls, cell: Cell, beams: Beams, low: int, high: int, out: np
 
 
 def closed(walls: Walls, cell: Cell, found: Beams, longest: int) -> Iterator[Sequences]:
-    """Yield the sequences of at most `longest` faces, without edges, over which beams of the cell can return to it, for TOGETHER beams at a
-    time.
+    """Yield the sequences of at most `longest` faces, without edges, over which beams of the cell can return to it, for BEAMS_AT_ONCE
+    beams at a time.
     """
-    few = Beams(*(values[found.order < longest] for values in found))
-    for low in range(0, len(few.order), TOGETHER):
-        high = min(low + TOGETHER, len(few.order))
+    few = _fewer(found, longest)
+    for low in range(0, len(few.order), BEAMS_AT_ONCE):
+        high = min(low + BEAMS_AT_ONCE, len(few.order))
         beam, face, _ = _listed(lambda _, __, out, low=low, high=high: _closed(walls, cell, few, low, high, out), 1).T
         chains = np.full((len(beam), max(longest, 1)), -1)
         chains[:, : few.chain.shape[1]] = few.chain[beam, : chains.shape[1]]
@@ -736,7 +743,7 @@ def _joined(
 def sequences(
     walls: Walls, cell: Cell, found: Beams, arrivals: np.ndarray, strength: np.ndarray, linked: np.ndarray, longest: int
 ) -> Sequences:
-    """Join reached edges and their beams to sequences with edges that start and end at the sensor and can be as strong as `least`.
+    """Join reached edges and their beams to sequences with edges that start and end at the sensor and can be as strong as `cell.least`.
 
     Args:
         arrivals: (M, 2) edges and the beams that reach them. strength: (M,) their largest field at one metre.
@@ -769,11 +776,10 @@ def sequences(
 def _listed(search: Callable[[int, int, np.ndarray], int], pieces: int) -> np.ndarray:
     """Return the sorted rows (K, 3) that all pieces of a search write. A piece returns -1 if its array is too short."""
 
-    def listed(piece: int) -> np.ndarray:
-        room = 1 << 20  # memory that nothing reads or writes costs no time
-        while (used := search(piece, pieces, out := np.empty((room, 3), np.int64))) < 0:
-            room *= 4
-        return out[:used].copy()
+    def listed(piece: int, rows: int) -> np.ndarray | None:
+        used = search(piece, pieces, out := np.empty((rows, 3), np.int64))
+        return out[:used].copy() if used >= 0 else None
 
-    rows = np.concatenate(each(listed, range(pieces)))
+    # memory that nothing reads or writes costs no time
+    rows = np.concatenate(each(lambda piece: fitted(partial(listed, piece), 1 << 20), range(pieces)))
     return rows[np.lexsort(rows.T[::-1])]
