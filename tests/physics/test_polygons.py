@@ -315,5 +315,5 @@ def test_room_for_paths_grows(monkeypatch):
     parts = [objects.dihedral(0.1, 0.1), objects.plate(0.02, 0.02).apply_translation([0.2, 0.03, 0.01])]
     mesh, place = objects.joined(parts), around(1.0, 4, 0.05)
     exact = echo(mesh, place, fringes=True)
-    monkeypatch.setattr(polygons, "ROOM", 64)
+    monkeypatch.setattr(polygons, "FIRST_ROWS", 64)
     np.testing.assert_array_equal(echo(mesh, place, fringes=True).amplitude, exact.amplitude)
