@@ -60,6 +60,7 @@ class Beams(NamedTuple):
 
     Attributes:
         chain: (N, C) faces. order: (N,) number of reflections. image: (N, 3) of the sensor. polygon: (N, M, 3), corners: (N,).
+        seen: (N, S) whether the beam of each of the places of the cell alone lights a part of the last face.
         strength: (N,) largest field at one metre, without antenna gain. passed: (N,) largest transmission of the panes on the way.
     """
 
@@ -68,6 +69,7 @@ class Beams(NamedTuple):
     image: np.ndarray
     polygon: np.ndarray
     corners: np.ndarray
+    seen: np.ndarray
     strength: np.ndarray
     passed: np.ndarray
 
@@ -210,6 +212,32 @@ def _beyond(polygon: np.ndarray, count: int, middle: Vector, at: Vector) -> floa
     return max(distance(at, middle) - size, 0.0)
 
 
+@innermost
+def _narrow(
+    faces: Faces, chain: np.ndarray, place: Point, front: np.ndarray, one: np.ndarray, two: np.ndarray, out: np.ndarray
+) -> int:  # fmt: skip
+    """Write the planes that bound the beam from one place over the faces of a chain, as `beam_planes`; returns their number, or 0 if the
+    last face is not lit.
+
+    one, two: (M, 3), memory for polygons.
+    """
+    at = place[0], place[1], place[2]
+    bounds = beam_planes(faces, -1, at, 0.0, one, 0, front, out)
+    for j in range(len(chain)):
+        count = faces.corners[chain[j]]
+        copy(faces.outline[chain[j]], count, one)
+        for i in range(bounds):
+            count = clip(one, count, vector(out, i), out[i, 3], two)
+            one, two = two, one
+            if count == 0:
+                return 0
+        at = mirrored(faces, chain[j], at, 1.0)
+        bounds = beam_planes(faces, chain[j], at, 0.0, one, count, front, out)
+        if bounds == 0:
+            return 0
+    return bounds
+
+
 @compiled
 def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, used: int) -> tuple[int, int]:
     """Append the beams that follow beams start:stop. Returns the number of beams, and the first of the beams start:stop whose followers did
@@ -218,13 +246,17 @@ def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, used: 
     faces, most = walls.faces, beams.polygon.shape[1]
     planes, one, two = np.empty((most + 1, 4)), np.empty((most, 3)), np.empty((most, 3))
     points, found = np.empty((beams.chain.shape[1] + 1, 3)), np.empty(MAX_PANES, np.int64)
-    place, reach = vector(cell.places, 0), cell.radius
+    places, place, reach = len(cell.places), vector(cell.places, 0), cell.radius
+    views, sides = np.empty((places, most + 1, 4)), np.zeros(places, np.int64)  # the bounds of the beam of each place alone
     faces_of = np.empty(beams.chain.shape[1], np.int64)
     for b in range(start, stop):
         m, known = beams.order[b], used
         before, at = beams.chain[b, :m], vector(beams.image, b)
         faces_of[:m] = before
         last = before[m - 1] if m else -1
+        for i in range(places):
+            if beams.seen[b, i]:
+                sides[i] = _narrow(faces, before, cell.places[i], cell.front, one, two, views[i])
         bounds = beam_planes(faces, last, at, reach, beams.polygon[b], beams.corners[b], cell.front, planes)
         for p in range(len(faces.offset)):
             height = dot(at, vector(faces.normal, p)) - faces.offset[p]
@@ -247,26 +279,38 @@ def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, used: 
             least = cell.least * max(away, 0.0) / BOTH
             if reflected * beams.passed[b] < max(least, 1e-30):
                 continue
+            if used == len(beams.order):
+                return known, b
+            beams.polygon[used, :count], beams.corners[used] = one[:count], count
             lit, met = 0.0, False
-            for sample in range(len(cell.places) * (2 * count + 1)):  # the middle, and two points on the way to each corner
-                source, i = cell.places[sample // (2 * count + 1)], sample % (2 * count + 1) - 1
-                share = 0.0 if i < 0 else 0.5 if i < count else 0.9
-                corner = vector(one, i % count)
-                x = moved(middle, toward(middle, corner, 1.0), share)
-                if reflect_points(faces, source, before, x, points):
-                    met = True
-                    lit = max(lit, _passed(walls, source, points, m, x, found, least / reflected))
-                    if lit >= beams.passed[b]:
-                        break
+            for i in range(places):
+                sees = 0
+                if beams.seen[b, i]:
+                    sees = faces.corners[p]
+                    copy(faces.outline[p], sees, one)
+                    for j in range(sides[i]):
+                        sees = clip(one, sees, vector(views[i], j), views[i, j, 3], two)
+                        one, two = two, one
+                        if sees == 0:
+                            break
+                beams.seen[used, i] = sees > 0
+                source, centre = cell.places[i], middle_of(one, max(sees, 1))
+                for k in range(2 * sees + 1 if sees and lit < beams.passed[b] else 0):
+                    # the middle, and two points on the way to each corner, in another order for each place
+                    sample = (i + k) % (2 * sees + 1) - 1
+                    share = 0.0 if sample < 0 else 0.5 if sample < sees else 0.9
+                    x = moved(centre, toward(centre, vector(one, sample % sees), 1.0), share)
+                    if reflect_points(faces, source, before, x, points):
+                        through, met = _passed(walls, source, points, m, x, found, least / reflected), True
+                        lit = max(lit, through)
+                        if through > 0:
+                            break
             if not met:  # only places between the tested ones see a part of the beam
                 lit = beams.passed[b]
             if lit == 0:
                 continue
-            if used == len(beams.order):
-                return known, b
             beams.chain[used, :m], beams.chain[used, m], beams.chain[used, m + 1 :], beams.order[used] = before, p, -1, m + 1
             beams.image[used] = beams.image[b] - 2 * height * faces.normal[p]
-            beams.polygon[used, :count], beams.corners[used] = one[:count], count
             beams.strength[used], beams.passed[used] = reflected * lit, lit
             used += 1
     return used, stop
@@ -275,10 +319,10 @@ def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, used: 
 def beams(walls: Walls, cell: Cell, longest: int) -> Beams:
     """Follow the beams of a cell over at most `longest` reflections. Beams too weak for `Cell.least` are left out."""
     most, room = walls.faces.outline.shape[1] + SPARE, 4096
-    shapes = (max(longest, 1),), (), (3,), (most, 3), (), (), ()  # chain, order, image, polygon, corners, strength and transmission
-    kinds = (int, int, float, float, int, float, float)
+    shapes = (max(longest, 1),), (), (3,), (most, 3), (), (len(cell.places),), (), ()  # in the order of Beams
+    kinds = (int, int, float, float, int, bool, float, float)
     found = Beams(*(np.empty((room, *shape), kind) for shape, kind in zip(shapes, kinds, strict=True)))
-    for values, first in zip(found, (-1, 0, cell.places[0], 0, 0, 1, 1), strict=True):
+    for values, first in zip(found, (-1, 0, cell.places[0], 0, 0, True, 1, 1), strict=True):
         values[0] = first
     start, used = 0, 1
     for _ in range(longest):
@@ -304,14 +348,20 @@ def _reach(
     # The arrivals of each edge with 0, 1, ... reflections, as linked lists.
     newest, before_it = np.full((len(faces.length), (longest + 1) // 2), -1), np.empty(len(out), np.int64)
     place, reach = vector(cell.places, 0), cell.radius
-    planes, points = np.empty((beams.polygon.shape[1] + 1, 4)), np.empty((beams.chain.shape[1] + 1, 3))
-    exists = np.empty(len(samples) + 1, np.bool_)  # the last one is for the foot, whose index is -1
+    most = beams.polygon.shape[1]
+    planes, points, one, two = np.empty((most + 1, 4)), np.empty((beams.chain.shape[1] + 1, 3)), np.empty((most, 3)), np.empty((most, 3))
+    views, sides = np.empty((len(cell.places), most + 1, 4)), np.empty(len(cell.places), np.int64)
     found = np.empty(MAX_PANES, np.int64)
     used = 0
     for b in range(len(beams.order)):
         m = beams.order[b]
         before, at = beams.chain[b, :m], vector(beams.image, b)
         last = before[m - 1] if m else -1
+        if not beams.seen[b].any():
+            continue
+        for i in range(len(cell.places)):
+            if beams.seen[b, i]:
+                sides[i] = _narrow(faces, before, cell.places[i], cell.front, one, two, views[i])
         bounds = beam_planes(faces, last, at, reach, beams.polygon[b], beams.corners[b], cell.front, planes)
         for e in range(len(faces.length)):
             if last >= 0 and (faces.sides[e, 0] == last or faces.sides[e, 1] == last):
@@ -341,16 +391,21 @@ def _reach(
             if not returns:
                 continue
             lit = 0.0
-            for sample in range(len(cell.places) * (len(samples) + 1)):
-                source, i = cell.places[sample // (len(samples) + 1)], sample % (len(samples) + 1) - 1
-                z = min(max(foot, low + 1e-5), high - 1e-5) if i < 0 else low + samples[i] * (high - low)
-                x = edge_point(faces, e, z)
-                if sample <= len(samples):  # whether a path to this point may exist anywhere in the cell
-                    exists[i] = reflect_points(faces, source, before, x, points, reach)
-                if exists[i] and reflect_points(faces, source, before, x, points):
-                    lit = max(lit, _passed(walls, source, points, m, x, found, least))
-                    if lit >= beams.passed[b]:
+            for i in range(len(cell.places)):
+                if not beams.seen[b, i]:
+                    continue
+                source = cell.places[i]
+                low, high = part_inside(views[i], sides[i], start, along, faces.length[e])
+                for k in range(len(samples) if low < high else 0):
+                    x = edge_point(faces, e, low + samples[(i + k) % len(samples)] * (high - low))
+                    through_panes = 0.0
+                    if reflect_points(faces, source, before, x, points):
+                        through_panes = _passed(walls, source, points, m, x, found, least)
+                    lit = max(lit, through_panes)
+                    if through_panes > 0:
                         break
+                if lit >= beams.passed[b]:
+                    break
             if lit == 0:
                 continue
             if used == len(out):
