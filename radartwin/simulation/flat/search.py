@@ -330,7 +330,7 @@ def beams(walls: Walls, cell: Cell, longest: int) -> Beams:
         while start < end:
             used, start = _grown(walls, cell, found, start, end, used)
             if start < end:
-                found = Beams(*(np.concatenate([values, np.empty_like(values)]) for values in found))
+                found = Beams(*(np.concatenate([values, np.empty((3 * len(values), *values.shape[1:]), values.dtype)]) for values in found))
     return Beams(*(values[:used] for values in found))
 
 
@@ -713,9 +713,10 @@ def _closed(walls: Walls, cell: Cell, beams: Beams, low: int, high: int, out: np
     for b in range(len(beams.order)):
         if beams.order[b] == 1:
             last[beams.chain[b, 0]] = beams.strength[b]
+    every, lit = np.arange(len(faces.offset)), np.flatnonzero(last)  # the sensor lights the last face, as it lights the first one
     for b in range(low, high):
         m, at = beams.order[b], vector(beams.image, b)
-        for p in range(len(faces.offset)):
+        for p in lit if m else every:
             if walls.loudness[p] == 0 or (m and p == beams.chain[b, m - 1]) or not _crosses(walls, p, at, end, reach):
                 continue
             if m and beams.strength[b] * last[p] < cell.least * (distance(mirrored(faces, p, at, 1.0), end) - 2 * reach):
@@ -829,7 +830,9 @@ def sequences(
 
 
 def _listed(search: Callable[[int, int, np.ndarray], int], pieces: int) -> np.ndarray:
-    """Return the sorted rows (K, 3) that all pieces of a search write. A piece returns -1 if its array is too short."""
+    """Return the sorted rows (K, 3) that all pieces of a search write; the rows of a single piece are sorted already. A piece returns -1 if
+    its array is too short.
+    """
 
     def listed(piece: int, rows: int) -> np.ndarray | None:
         used = search(piece, pieces, out := np.empty((rows, 3), np.int64))
@@ -837,4 +840,4 @@ def _listed(search: Callable[[int, int, np.ndarray], int], pieces: int) -> np.nd
 
     # memory that nothing reads or writes costs no time
     rows = np.concatenate(each(lambda piece: fitted(partial(listed, piece), 1 << 20), range(pieces)))
-    return rows[np.lexsort(rows.T[::-1])]
+    return rows[np.lexsort(rows.T[::-1])] if pieces > 1 else rows
