@@ -36,10 +36,12 @@ sensorStart
 CARD = Card("bench", "CC-BY-4.0", "amplitude", "IWR1843BOOST", "A. Researcher", "2026-03-01")
 
 
-def refused(words: Iterable[str], call: Callable[..., object], *arguments: object, error: type[Exception] = UserError) -> None:
+def refused(
+    words: Iterable[str], call: Callable[..., object], *arguments: object, error: type[Exception] = UserError, **options: object
+) -> None:
     """Check that a call raises an error whose message is one short line with the given words."""
     with pytest.raises(error) as caught:
-        call(*arguments)
+        call(*arguments, **options)
     message = str(caught.value)
     assert "\n" not in message
     assert len(message) < 400

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from radartwin.errors import InputError
 from radartwin.radar.chirp import Radar
 from radartwin.radar.covariance import Covariance, covariance, uniform_step
-from radartwin.radar.field_checks import is_number, is_whole
+from radartwin.radar.field_checks import is_number, is_whole, require
 from radartwin.radar.processing import azimuth_row, response, unit_vectors
 
 Complex = NDArray[np.inexact]
@@ -56,11 +56,10 @@ class AngleMethod:
     def __post_init__(self) -> None:
         if self.name not in METHODS:
             raise InputError(f"angle method {self.name!r} is unknown; use one of {', '.join(METHODS)}")
-        if not is_number(self.loading) or self.loading < 0:
-            raise InputError(f"angle method {self.name}: loading must be a number of at least 0, not {self.loading!r}")
+        what = f"angle method {self.name}"
+        require(self, what, "loading", lambda value: is_number(value) and value >= 0, "a number of at least 0")
         for name in ("subarray", "sources"):
-            if not is_whole(value := getattr(self, name)) or value < 0:
-                raise InputError(f"angle method {self.name}: {name} must be a whole number of at least 0, not {value!r}")
+            require(self, what, name, lambda value: is_whole(value) and value >= 0, "a whole number of at least 0")
 
 
 BARTLETT = AngleMethod()

@@ -11,6 +11,7 @@ packets has a sequence number (4 bytes) and a byte count (6 bytes); mmWave SDK u
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -41,8 +42,7 @@ def frame_shape(radar: Radar) -> tuple[int, int, int, int]:
 
 def frame_bytes(radar: Radar) -> int:
     """Return the size of the samples of one frame on disk in bytes."""
-    samples = radar.num_chirps * radar.num_tx * radar.num_rx * radar.num_samples
-    return samples * WORD.itemsize * (1 if radar.real_sampling else 2)
+    return math.prod(frame_shape(radar)) * WORD.itemsize * (1 if radar.real_sampling else 2)
 
 
 def capture_prefix(capture: Path) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import reprlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, fields
 from typing import Any
 
@@ -27,6 +27,12 @@ def is_number(value: Any) -> bool:
 
 def is_whole(value: Any) -> bool:
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+def require(described: Any, what: str, name: str, accepts: Callable[[Any], bool], expected: str) -> None:
+    """Raise InputError, which calls the dataclass instance `what`, unless `accepts` is true for its field `name`."""
+    if not accepts(value := getattr(described, name)):
+        raise InputError(f"{what}: {name} must be {expected}, not {reprlib.repr(value)}")
 
 
 def from_mapping(kind: Any, name: str, values: Any) -> Any:

@@ -134,7 +134,12 @@ class Recording:
                     stream.write(words.tobytes())
                     saturated += clipped
             with temporary[json_path].open("w", encoding="utf-8") as stream:
-                json.dump(self._description(scale, swapped, saturated), stream, indent=1, allow_nan=False)
+                described = {
+                    "format": _FORMAT, "frames": self.num_frames, "scale": scale, "iq_swapped": swapped, "saturated": saturated,
+                    "radar": self.radar.to_dict(), "provenance": self.provenance,
+                    "sensor_poses": None if self.sensor_poses is None else self.sensor_poses.tolist(),
+                }  # fmt: skip
+                json.dump(described, stream, indent=1, allow_nan=False)
                 stream.write("\n")
         self.scale, self.iq_swapped, self.saturated = scale, swapped, saturated
         return saturated
@@ -182,18 +187,6 @@ class Recording:
         if not math.isfinite(peak):
             raise RecordingError("the recording holds NaN or infinite samples, which int16 cannot hold; simulate or record it again")
         return peak / _PEAK_COUNT if peak > 0 else 1.0
-
-    def _description(self, scale: float, swapped: bool, saturated: int) -> dict[str, Any]:
-        return {
-            "format": _FORMAT,
-            "frames": self.num_frames,
-            "scale": scale,
-            "iq_swapped": swapped,
-            "saturated": saturated,
-            "radar": self.radar.to_dict(),
-            "provenance": self.provenance,
-            "sensor_poses": None if self.sensor_poses is None else self.sensor_poses.tolist(),
-        }
 
 
 def read_described(path: str | Path) -> tuple[Radar, dict[str, Any]]:

@@ -176,10 +176,9 @@ def find_captures(source: Path) -> list[Path]:
         return [dca1000.parts(source)[0]]
     names = ("*.bin", *(f"*{suffix}" for suffix in CUBES), roverd.CHANNEL)
     files = sorted(path for name in names for path in source.rglob(name) if not _hidden(path.relative_to(source)))
-    captures = list(dict.fromkeys(dca1000.parts(path)[0] for path in files))
-    if not captures:
+    if not files:
         raise MissingError(f"{source}: the folder has no .bin and no .npy, .npz or roverd channel iq; give a folder of captures")
-    return captures
+    return list(dict.fromkeys(dca1000.parts(path)[0] for path in files))
 
 
 def read_capture(

@@ -66,6 +66,7 @@ def test_isk_has_a_raised_middle_transmitter():
 @pytest.mark.parametrize(
     ("name", "first_hz", "bandwidth_hz", "chirp_s", "transmitters", "band_hz"),
     [
+        ("iwr1843", 77e9, 70e12 * 256 / 5.21e6, 64e-6, 2, (76e9, 81e9)),
         ("iwr6843", 60.49e9, 70e12 * 256 / 5.21e6, 64.14e-6, 3, (60e9, 64e9)),
         ("awr2243_cascade", 77.474e9, 79e12 * 256 / 8e6, 45e-6, 12, (76e9, 81e9)),
     ],
