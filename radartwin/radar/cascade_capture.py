@@ -46,11 +46,9 @@ def frame_reader(folder: Path, radar: Radar) -> tuple[int, Callable[[int, int], 
         RecordingError: the files do not fit the radar, or hold different numbers of frames.
     """
     if radar.num_rx != _RECEIVERS * len(CHIPS) or radar.real_sampling:
-        sampling = "real" if radar.real_sampling else "complex"
-        raise RecordingError(
-            f"radar {radar.name} has {radar.num_rx} receivers and {sampling} samples, but a capture of the cascade has "
-            f"{_RECEIVERS * len(CHIPS)} receivers and complex samples; give the radar of the cascade, such as awr2243_cascade"
-        )
+        given = f"{radar.num_rx} receivers and {'real' if radar.real_sampling else 'complex'} samples"
+        needed = f"a capture of the cascade has {_RECEIVERS * len(CHIPS)} receivers and complex samples"
+        raise RecordingError(f"radar {radar.name} has {given}, but {needed}; give the radar of the cascade, such as awr2243_cascade")
     frame = frame_bytes(radar) // len(CHIPS)
     last = max((int(match[2]) for file in folder.iterdir() if (match := _PART.fullmatch(file.name))), default=0)
     parts: list[list[Path]] = []
@@ -60,10 +58,9 @@ def frame_reader(folder: Path, radar: Radar) -> tuple[int, Callable[[int, int], 
             present(path, f"each of the {len(CHIPS)} chips needs the parts 0000 to {last:04d}; copy the missing file")
         sizes = [path.stat().st_size for path in paths]
         if len(set(sizes)) > 1 or sizes[0] % frame or not sizes[0]:
-            raise RecordingError(
-                f"{folder}, part {number:04d}: the files hold {', '.join(map(str, sizes))} bytes; each needs the same whole number of "
-                f"frames of {frame} bytes for radar {radar.name}; they are truncated or belong to another radar description"
-            )
+            held = f"the files hold {', '.join(map(str, sizes))} bytes, but need the same whole number of frames of {frame} bytes"
+            remedy = f"give the radar description of this capture instead of {radar.name}, or copy truncated files again"
+            raise RecordingError(f"{folder}, part {number:04d}: {held}; {remedy}")
         parts.append(paths)
     of_chip = replace(radar, rx_positions_m=radar.rx_positions_m[:_RECEIVERS], rx_gains_db=None)
     chips = [SampleFile(paths, of_chip, _LAYOUT) for paths in zip(*parts, strict=True)]

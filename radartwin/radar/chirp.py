@@ -108,15 +108,13 @@ class Radar:
         sampling = self.num_samples / self.sample_rate_hz
         # The tolerance is 1e-6 of the time, because configuration files round times to nanoseconds.
         if sampling > self.chirp_interval * (1 + 1e-6):
-            raise InputError(
-                f"radar {self.name}: sampling takes {sampling * 1e6:.2f} us but chirps start every "
-                f"{self.chirp_interval * 1e6:.2f} us; lengthen chirp_interval or take fewer samples"
-            )
+            times = f"sampling takes {sampling * 1e6:.2f} us but chirps start every {self.chirp_interval * 1e6:.2f} us"
+            raise InputError(f"radar {self.name}: {times}; lengthen chirp_interval or take fewer samples")
         if self.frame_duration_s > (1 + 1e-6) / self.frame_rate_hz:
-            raise InputError(
-                f"radar {self.name}: the chirps of a frame take {self.frame_duration_s * 1e3:.2f} ms but frames start "
-                f"every {1e3 / self.frame_rate_hz:.2f} ms; lower frame_rate_hz or num_chirps"
+            times = (
+                f"the chirps of a frame take {self.frame_duration_s * 1e3:.2f} ms but frames start every {1e3 / self.frame_rate_hz:.2f} ms"
             )
+            raise InputError(f"radar {self.name}: {times}; lower frame_rate_hz or num_chirps")
 
     @property
     def num_tx(self) -> int:
@@ -285,10 +283,8 @@ class Radar:
         if isinstance(values, Mapping) and "waveform" in values:
             values = dict(values)
             if (waveform := values.pop("waveform")) != WAVEFORM:
-                raise InputError(
-                    f"radar description: waveform {reprlib.repr(waveform)} is not simulated; RadarTwin simulates linear FMCW chirps in "
-                    f"time division (waveform: {WAVEFORM})"
-                )
+                remedy = f"RadarTwin simulates linear FMCW chirps in time division (waveform: {WAVEFORM})"
+                raise InputError(f"radar description: waveform {reprlib.repr(waveform)} is not simulated; {remedy}")
         return from_mapping(cls, "radar description", values)
 
 

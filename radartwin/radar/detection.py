@@ -62,14 +62,8 @@ class Peaks:
         """Return a table with the columns range_m, doppler_mps, azimuth_deg, power_db."""
         import pandas as pd
 
-        return pd.DataFrame(
-            {
-                "range_m": self.range_m,
-                "doppler_mps": self.velocity_mps,
-                "azimuth_deg": np.degrees(self.azimuth_rad),
-                "power_db": 10 * np.log10(self.power),
-            }
-        )
+        columns = {"range_m": self.range_m, "doppler_mps": self.velocity_mps, "azimuth_deg": np.degrees(self.azimuth_rad)}
+        return pd.DataFrame({**columns, "power_db": 10 * np.log10(self.power)})
 
 
 def detect(iq: Complex, radar: Radar, *, static_removed: bool = False, maps: PowerMaps | None = None, angle: str = "bartlett") -> Peaks:

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin.errors import OutputError, PoseError, RecordingError
+from radartwin.errors import OutputError, RecordingError
 from radartwin.io import files, scratch
 from radartwin.io.one_line import plural
 from radartwin.radar import dca1000
@@ -80,10 +80,7 @@ class Recording:
                 self.sensor_poses = np.empty(0)
             if self.sensor_poses.shape not in ((self.num_frames, 4, 4), (1, 4, 4)):
                 raise RecordingError(f"{where}: sensor_poses must be numbers of the shape ({self.num_frames}, 4, 4) or (1, 4, 4)")
-            try:
-                check_rigid(self.sensor_poses, f"{where}: sensor_poses")
-            except PoseError as error:
-                raise RecordingError(str(error)) from None
+            check_rigid(self.sensor_poses, f"{where}: sensor_poses", RecordingError)
 
     @property
     def num_frames(self) -> int:
@@ -165,9 +162,8 @@ class Recording:
         counts = gathered(bin_path, range(stored.frames), stored.shape, stored.samples, scale)
         frames = described.get("frames", len(counts))
         if frames != len(counts):
-            raise RecordingError(
-                f"{bin_path}: it holds {plural(len(counts), 'frame')} but {json_path.name} says {frames}; copy both files of one recording"
-            )
+            held = plural(len(counts), "frame")
+            raise RecordingError(f"{bin_path}: it holds {held} but {json_path.name} says {frames}; copy both files of one recording")
         poses = described.get("sensor_poses")
         try:
             return cls(

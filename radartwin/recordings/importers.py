@@ -89,10 +89,8 @@ def import_captures(
     for item in plans:
         row = stored.get(item.row.recording, item.row)
         if row.condition != item.row.condition:
-            raise InputError(
-                f"{item.capture}: {out} holds another recording {row.recording} ({describe(row)}); add recording=NAME to the command or to "
-                "a mapping file"
-            )
+            held = f"{out} holds another recording {row.recording} ({describe(row)})"
+            raise InputError(f"{item.capture}: {held}; add recording=NAME to the command or to a mapping file")
     missing = [item for item in plans if item.row.recording not in stored]
     if len(missing) < len(plans):
         say(f"{len(plans) - len(missing)} of {len(plans)} captures are already in {out}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from pathlib import Path
 
 import numpy as np
@@ -128,11 +129,9 @@ def test_parts_of_a_capture_become_one_recording(tmp_path: Path) -> None:
         loaded = load_capture(tmp_path / "raw" / f"mug_Raw_{n}.bin")
         np.testing.assert_array_equal(loaded.iq, RecordingSet.load(tmp_path / "set").read(added[0]).iq)
     (tmp_path / "raw" / "mug_Raw_4.bin").unlink()
-    for call in (
-        (import_captures, tmp_path / "raw", tmp_path / "again", {**CARD, **MUG}),
-        (load_capture, tmp_path / "raw" / "mug_Raw_0.bin"),
-    ):
-        refused(["mug_Raw_4.bin is missing", "up to 10"], *call, error=MissingError)
+    words = ("mug_Raw_4.bin is missing", "up to 10")
+    refused(words, import_captures, tmp_path / "raw", tmp_path / "again", {**CARD, **MUG}, error=MissingError)
+    refused(words, load_capture, tmp_path / "raw" / "mug_Raw_0.bin", error=MissingError)
     np.save(tmp_path / "raw" / "cube_Raw_0.npy", np.ones(3))
     assert find_captures(tmp_path / "raw" / "cube_Raw_0.npy") == [tmp_path / "raw" / "cube_Raw_0.npy"]
 
@@ -217,8 +216,7 @@ def test_csv_mapping_skips_captures_without_an_entry(campaign: Path) -> None:
     made, added = import_captures(campaign / "raw", campaign / "set", CARD, read_mapping(campaign / "map.csv"), say=notes.append)
     assert [(row.recording, row.repetition) for row in added] == [("can_1m_run1", 0), ("mug_1m_run1", 0), ("mug_1m_run2", 1)]
     assert "5 of 8 captures match no entry" in notes[0]
-    poses = made.read(added[0]).sensor_poses
-    assert poses is not None
+    poses = np.asarray(made.read(added[0]).sensor_poses)
     np.testing.assert_allclose(poses[:, 0, 3], [0, 0.02, 0.04, 0.06], atol=1e-12)
     assert examine(made.folder).problems == []
 
@@ -270,14 +268,14 @@ def test_cube_of_amplitudes_is_scaled_and_cube_of_counts_is_kept(tmp_path: Path)
     rng = np.random.default_rng(0)
     cube = 1e-6 * (rng.normal(size=(3, 16, 8, 128)) + 1j * rng.normal(size=(3, 16, 8, 128)))
     np.save(tmp_path / "cube.npy", cube)
-    of_cube = (import_captures, tmp_path / "cube.npy", tmp_path / "set")
-    refused(["its samples are amplitudes, but the card has units=counts"], *of_cube, {**CARD, **MUG}, radar=RADAR, error=RecordingError)
+    cube_to_set = functools.partial(import_captures, tmp_path / "cube.npy", tmp_path / "set", radar=RADAR)
+    refused(["its samples are amplitudes, but the card has units=counts"], cube_to_set, {**CARD, **MUG}, error=RecordingError)
     assert not (tmp_path / "set").exists()
-    made, added = import_captures(tmp_path / "cube.npy", tmp_path / "set", {**CARD, **MUG, "units": "amplitude"}, radar=RADAR)
+    made, added = cube_to_set({**CARD, **MUG, "units": "amplitude"})
     np.testing.assert_allclose(made.read(added[0]).iq.reshape(cube.shape), cube, atol=1e-9)
     assert examine(made.folder).problems == []
     np.save(tmp_path / "cube.npy", np.rint(1e9 * cube))
-    refused(["counts of an ADC, but the card has units=amplitude"], *of_cube, {**MUG, "recording": "b", "repetition": 1}, radar=RADAR)
+    refused(["counts of an ADC, but the card has units=amplitude"], cube_to_set, {**MUG, "recording": "b", "repetition": 1})
     made, added = import_captures(tmp_path / "cube.npy", tmp_path / "counts", {**CARD, **MUG}, radar=RADAR)
     np.testing.assert_array_equal(made.read(added[0]).iq.reshape(cube.shape), np.rint(1e9 * cube))
 
@@ -286,9 +284,5 @@ def test_missing_captures_and_malformed_values_are_refused(tmp_path: Path) -> No
     refused(["no such capture"], import_captures, tmp_path / "nowhere.bin", tmp_path / "set", error=MissingError)
     refused(["no .bin and no .npy"], find_captures, tmp_path, error=MissingError)
     assert key_values(["object=mug", "notes=a=b"]) == {"object": "mug", "notes": "a=b"}
-    for words, message in (
-        (["mug"], "'mug' is not KEY"),
-        (["=mug"], "'=mug'"),
-        (["object=mug", "object=can"], "given twice, as mug and can"),
-    ):
+    for words, message in ((["mug"], "'mug' is not"), (["=mug"], "'=mug' is not"), (["object=mug", "object=can"], "twice, as mug and can")):
         refused([message], key_values, words, error=InputError)

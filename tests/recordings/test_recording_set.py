@@ -152,8 +152,7 @@ def test_recording_without_poses_uses_those_of_its_trajectory(tmp_path: Path) ->
     drive = RecordingSet.create(tmp_path / "set", CARD)
     stored = drive.add(noise(RADAR), row("a", motion="depth", extra={"start_s": "10.0"}), path)
     assert stored.trajectory == "a.txt"
-    poses = drive.read(stored).sensor_poses
-    assert poses is not None
+    poses = np.asarray(drive.read(stored).sensor_poses)
     np.testing.assert_allclose(poses[:, 0, 3], [0.1, 0.2, 0.3, 0.4], atol=1e-9)  # 1 m/s at 10 Hz, 0.1 s after the start of the file
     np.testing.assert_allclose(np.degrees(np.arctan2(poses[:, 1, 0], poses[:, 0, 0])), [15, 30, 45, 60], atol=1e-4)
     assert examine(drive.folder).problems == []

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from made_files import CARD, noise
+from made_files import CARD, edit_json, noise
 
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
@@ -188,9 +187,6 @@ def test_set_without_recordings_is_a_note(tmp_path: Path) -> None:
 
 
 def test_optional_keys_of_a_recording_may_be_missing(folder: Path) -> None:
-    path = folder / "recordings" / "a0.json"
-    described = json.loads(path.read_text())
-    for key in ("format", "frames", "saturated", "provenance", "sensor_poses", "iq_swapped"):
-        described.pop(key, None)
-    path.write_text(json.dumps(described))
+    keys = ("format", "frames", "saturated", "provenance", "sensor_poses", "iq_swapped")
+    edit_json(folder / "recordings" / "a0.json", **dict.fromkeys(keys, ...))
     assert found(folder) == ""
