@@ -38,7 +38,11 @@ CARD = Card("bench", "CC-BY-4.0", "amplitude", "IWR1843BOOST", "A. Researcher", 
 
 
 def refused(
-    words: Iterable[str], call: Callable[..., object], *arguments: object, error: type[Exception] = UserError, **options: object
+    words: Iterable[str],
+    call: Callable[..., object],
+    *arguments: object,
+    error: type[Exception] | tuple[type[Exception], ...] = UserError,
+    **options: object,
 ) -> None:
     """Check that a call raises an error whose message is one short line with the given words."""
     with pytest.raises(error) as caught:

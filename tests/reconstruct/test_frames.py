@@ -159,7 +159,7 @@ def checked(folder: Path, lens, convention: str = "opencv", unit_m: float | None
     check_agreement(frames, unit_m or layout_of(folder).unit_m, convention)
 
 
-@pytest.mark.parametrize(("convention", "other"), zip(WRITTEN, [*WRITTEN][1:] + [*WRITTEN][:1], strict=True))
+@pytest.mark.parametrize(("convention", "other"), [*zip(WRITTEN, [*WRITTEN][1:] + [*WRITTEN][:1], strict=True)])
 def test_only_the_right_pose_convention_is_accepted(walk, tmp_path, convention, other):
     folder, lens = written(walk, tmp_path / "frames", convention)
     checked(folder, lens, convention)

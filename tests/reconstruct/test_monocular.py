@@ -91,4 +91,4 @@ def test_relative_and_missing_models_are_refused(tmp_path, model_folder):
     refused(["relative depth, so lengths have no scale"], DepthModel.load, relative, error=ScanError)
     refused(["no such folder of weights"], DepthModel.load, tmp_path / "nowhere", error=MissingError)
     (tmp_path / "empty").mkdir()
-    refused(["empty: no"], DepthModel.load, tmp_path / "empty")
+    refused(["empty: no"], DepthModel.load, tmp_path / "empty", error=(MissingError, ScanError))

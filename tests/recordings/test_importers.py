@@ -225,7 +225,8 @@ def test_values_that_contradict_the_card_are_refused(tmp_path: Path) -> None:
     source = capture(tmp_path / "raw")
     for _ in range(2):
         import_captures(source, tmp_path / "set", {**CARD, **MUG})
-    refused(["card.yaml has licence=MIT, not private"], import_captures, source, tmp_path / "set", {**MUG, "licence": "private"})
+    words = ["card.yaml has licence=MIT, not private"]
+    refused(words, import_captures, source, tmp_path / "set", {**MUG, "licence": "private"}, error=InputError)
 
 
 MISTAKES = {
@@ -275,7 +276,8 @@ def test_cube_of_amplitudes_is_scaled_and_cube_of_counts_is_kept(tmp_path: Path)
     np.testing.assert_allclose(made.read(added[0]).iq.reshape(cube.shape), cube, atol=1e-9)
     assert examine(made.folder).problems == []
     np.save(tmp_path / "cube.npy", np.rint(1e9 * cube))
-    refused(["counts of an ADC, but the card has units=amplitude"], cube_to_set, {**MUG, "recording": "b", "repetition": 1})
+    other = {**MUG, "recording": "b", "repetition": 1}
+    refused(["counts of an ADC, but the card has units=amplitude"], cube_to_set, other, error=RecordingError)
     made, added = import_captures(tmp_path / "cube.npy", tmp_path / "counts", {**CARD, **MUG}, radar=RADAR)
     np.testing.assert_array_equal(made.read(added[0]).iq.reshape(cube.shape), np.rint(1e9 * cube))
 

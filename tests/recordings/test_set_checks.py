@@ -110,7 +110,7 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
         ("recordings/a1: its radar differs from the other recordings: noise_figure_db 12.0 instead of 15.0",),
     ),
     "all zero": (lambda f: rewrite(f, "a1", scaled(0)), ("recordings/a1: all samples are zero",)),
-    "a dead receiver": (lambda f: rewrite(f, "a1", lambda iq: iq[:, :, :, 2].fill(0)), ("a1: no samples from tx 0 rx 2, tx 1 rx 2",)),
+    "dead receiver": (lambda f: rewrite(f, "a1", lambda x: x[..., 2, :].fill(0)), ("recordings/a1: no samples from tx 0 rx 2, tx 1 rx 2",)),
     "clipped": (lambda f: rewrite(f, "a1", scaled(10)), ("recordings/a1", "% of the samples are at full scale")),
     "a lost packet": (lambda f: rewrite(f, "a1", silence(2)), ("recordings/a1: 1 of 4 frames", "(frame 2)", "packet delay")),
     "I and Q exchanged": (lambda f: rewrite(f, "a1", filtered), ("recordings/a1: I and Q seem exchanged", "set iq_swapped to true")),
