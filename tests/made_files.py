@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import struct
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -36,10 +37,16 @@ sensorStart
 CARD = Card("bench", "CC-BY-4.0", "amplitude", "IWR1843BOOST", "A. Researcher", "2026-03-01")
 
 
-def refused(words: Iterable[str], call: Callable[..., object], *arguments: object, error: type[Exception] = UserError) -> None:
+def refused(
+    words: Iterable[str],
+    call: Callable[..., object],
+    *arguments: object,
+    error: type[Exception] | tuple[type[Exception], ...] = UserError,
+    **options: object,
+) -> None:
     """Check that a call raises an error whose message is one short line with the given words."""
     with pytest.raises(error) as caught:
-        call(*arguments)
+        call(*arguments, **options)
     message = str(caught.value)
     assert "\n" not in message
     assert len(message) < 400
@@ -79,6 +86,12 @@ def studio_json(frames: int = 4) -> str:
         "rlChanCfg_t": {"rxChannelEn": "0xF", "txChannelEn": "0x5"}, "rlAdcOutCfg_t": {"fmt": {"b2AdcOutFmt": 1}},
     }  # fmt: skip
     return json.dumps({"mmWaveDevices": [{"rfConfig": rf}]})
+
+
+def edit_json(path: Path, **changes: object) -> None:
+    """Change keys of the object in a JSON file. A key whose new value is `...` is removed."""
+    values = json.loads(path.read_text()) | changes
+    path.write_text(json.dumps({key: value for key, value in values.items() if value is not ...}))
 
 
 def recogniser(classes: int = 3, features: int = 4, text: int = 5) -> Recogniser:

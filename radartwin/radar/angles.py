@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from radartwin.errors import InputError
 from radartwin.radar.chirp import Radar
 from radartwin.radar.covariance import Covariance, covariance, uniform_step
-from radartwin.radar.field_checks import is_number, is_whole
+from radartwin.radar.field_checks import is_number, is_whole, require
 from radartwin.radar.processing import azimuth_row, response, unit_vectors
 
 Complex = NDArray[np.inexact]
@@ -56,11 +56,10 @@ class AngleMethod:
     def __post_init__(self) -> None:
         if self.name not in METHODS:
             raise InputError(f"angle method {self.name!r} is unknown; use one of {', '.join(METHODS)}")
-        if not is_number(self.loading) or self.loading < 0:
-            raise InputError(f"angle method {self.name}: loading must be a number of at least 0, not {self.loading!r}")
+        what = f"angle method {self.name}"
+        require(self, what, "loading", lambda value: is_number(value) and value >= 0, "a number of at least 0")
         for name in ("subarray", "sources"):
-            if not is_whole(value := getattr(self, name)) or value < 0:
-                raise InputError(f"angle method {self.name}: {name} must be a whole number of at least 0, not {value!r}")
+            require(self, what, name, lambda value: is_whole(value) and value >= 0, "a whole number of at least 0")
 
 
 BARTLETT = AngleMethod()
@@ -110,10 +109,7 @@ def spectrum(signals: Covariance, positions_m: Positions, frequency_hz: float, m
     """
     antennas = signals.matrix.shape[-1]
     if positions_m.shape != (antennas, 3):
-        raise InputError(
-            f"angles: the covariance matrix has {antennas} antennas, but the positions have the shape {positions_m.shape}; give "
-            f"({antennas}, 3)"
-        )
+        raise InputError(f"angles: the covariance matrix has {antennas} antennas; give ({antennas}, 3) positions, not {positions_m.shape}")
     if method.subarray or method.forward_backward:
         uniform_step(positions_m)
         signals = signals.smoothed(method.subarray or antennas, method.forward_backward)
@@ -124,10 +120,9 @@ def spectrum(signals: Covariance, positions_m: Positions, frequency_hz: float, m
     if method.name == "capon":
         return AngleSpectrum(_inverse(signals, method.loading), positions_m, frequency_hz, 1.0, True)
     if method.sources > min(antennas - 1, signals.count):
-        raise InputError(
-            f"music: {method.sources} sources need at least {method.sources + 1} antennas and {method.sources} snapshots, and there are "
-            f"{antennas} antennas and {signals.count} snapshots (after smoothing); use fewer sources"
-        )
+        needed = f"{method.sources} sources need at least {method.sources + 1} antennas and {method.sources} snapshots"
+        there = f"{antennas} antennas and {signals.count} snapshots (after smoothing)"
+        raise InputError(f"music: {needed}, and there are {there}; use fewer sources")
     _, vectors = np.linalg.eigh(signals.matrix)  # eigenvalues ascending
     noise = vectors[..., : antennas - method.sources]
     projector = noise @ np.swapaxes(noise.conj(), -1, -2)
@@ -158,10 +153,8 @@ def azimuth_spectrum(snapshots: Complex, radar: Radar, azimuth_rad: ArrayLike, m
 def _inverse(signals: Covariance, loading: float) -> Complex:
     size = signals.matrix.shape[-1]
     if signals.count < size and loading == 0:
-        raise InputError(
-            f"capon: {signals.count} snapshots of {size} antennas leave the covariance matrix without an inverse; "
-            "use diagonal loading, such as loading=0.01, or more snapshots"
-        )
+        reason = f"{signals.count} snapshots of {size} antennas leave the covariance matrix without an inverse"
+        raise InputError(f"capon: {reason}; use diagonal loading, such as loading=0.01, or more snapshots")
     values, vectors = np.linalg.eigh(signals.loaded(loading))
     if (values[..., 0] <= np.finfo(np.float64).eps * size * values[..., -1]).any():
         raise InputError("capon: the covariance matrix has no inverse, because the signals have no noise; use a larger loading")

@@ -45,9 +45,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radartwin.compiled import compiled, fixed, shared_out
-from radartwin.errors import InputError
 from radartwin.radar.antenna import element_gain
-from radartwin.radar.field_checks import is_number, is_whole
+from radartwin.radar.field_checks import is_number, is_whole, require
 
 COPIES = 3  # number of displaced copies of the wave of an antenna
 NEAREST_M, FARTHEST_M = 0.005, 0.03  # smallest and largest displacement of a copy
@@ -75,10 +74,8 @@ class AntennaErrors:
 
     def __post_init__(self) -> None:
         for name in ("side_lobe_db", "back_lobe_db", "ripple_db"):
-            if not (is_number(value := getattr(self, name)) and value <= 0):
-                raise InputError(f"antenna_errors: {name} must be a finite number of at most 0, not {value!r}")
-        if not is_whole(self.board) or self.board < 0:
-            raise InputError(f"antenna_errors: board must be a whole number of at least 0, not {self.board!r}")
+            require(self, "antenna_errors", name, lambda value: is_number(value) and value <= 0, "a finite number of at most 0")
+        require(self, "antenna_errors", "board", lambda value: is_whole(value) and value >= 0, "a whole number of at least 0")
 
     def scaled(self, strength: float) -> AntennaErrors | None:
         """Multiply the amplitudes of floor and copies by `strength`. The strength 0 gives None, which stands for nominal antennas."""

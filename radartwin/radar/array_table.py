@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.errors import InputError, RecordingError
+from radartwin.errors import RecordingError
 from radartwin.radar.antenna import ELEMENTS
 from radartwin.radar.description_files import read_csv, read_yaml, with_numbers
 from radartwin.radar.field_checks import check_distinct
@@ -133,16 +133,11 @@ def _check_array(path: Path, antennas: Mapping[str, list[tuple[tuple[float, ...]
     for kind, name in (("tx", "transmitter"), ("rx", "receiver")):
         if not antennas[kind]:
             raise RecordingError(f"{path}: the table has no {name}; an array needs at least one {name}")
-        try:
-            check_distinct([position for position, _ in antennas[kind]], f"{path}: {kind}")
-        except InputError as error:
-            raise RecordingError(str(error)) from error
+        check_distinct([position for position, _ in antennas[kind]], f"{path}: {kind}", RecordingError)
     if all(len(of_kind) == 1 for of_kind in antennas.values()):
         raise RecordingError(f"{path}: one transmitter and one receiver are no array; give two antennas of at least one kind")
     for axis, name in enumerate("xyz"):
         along = [position[axis] for of_kind in antennas.values() for position, _ in of_kind]
         if max(along) - min(along) > MAX_SPAN_M:
-            raise RecordingError(
-                f"{path}: the antennas span {max(along) - min(along):g} m along {name}; are these half wavelengths? Name the column "
-                f"{name}_half_wavelength"
-            )
+            span = f"the antennas span {max(along) - min(along):g} m along {name}"
+            raise RecordingError(f"{path}: {span}; are these half wavelengths? Name the column {name}_half_wavelength")

@@ -81,10 +81,8 @@ def board_of_channels(
         if len(turned) != len(channels) or not np.allclose(tx[:, None] + rx, channels) or not np.all(np.abs(turned) == 1):
             raise ValueError
     except (ValueError, IndexError):
-        raise RecordingError(
-            f"{name}: its channels need one place and one sign (1 or -1) each, and must be the sums of transmitter and receiver positions; "
-            "give a .yaml with the antenna positions"
-        ) from None
+        reason = "its channels need one place and one sign (1 or -1) each, and must be the sums of transmitter and receiver positions"
+        raise RecordingError(f"{name}: {reason}; give a .yaml with the antenna positions") from None
     # Both groups are centred in azimuth, and their lowest antennas are at height zero.
     tx, rx = (places - [(places[:, 0].max() + places[:, 0].min()) / 2, places[:, 1].min()] for places in (tx, rx))
     tx_positions_m, rx_positions_m = (tuple((0.0, y * half_wavelength_m, z * half_wavelength_m) for y, z in p.tolist()) for p in (tx, rx))

@@ -306,9 +306,8 @@ def _cube(path: Path, radar: Radar) -> _Source:
     shape = dca1000.frame_shape(radar)
     count = axes[0] if len(axes) > 3 else 1
     if len(axes) not in (2, 3, 4, 5) or np.prod(axes) != count * np.prod(shape) or axes[-1:] != (radar.num_samples,):
-        raise RecordingError(
-            f"{path}: shape {axes} does not fit radar {radar.name}, whose frames are (chirp, tx, rx, sample) = {shape}; give its radar"
-        )
+        frames = f"whose frames are (chirp, tx, rx, sample) = {shape}"
+        raise RecordingError(f"{path}: shape {axes} does not fit radar {radar.name}, {frames}; give its radar")
     if count < 1:
         raise RecordingError(f"{path}: it has zero frames; record again")
     cube = cube.reshape(count, *shape, *([2] if pairs else []))

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,9 +22,9 @@ from numpy.typing import NDArray
 
 from radartwin.errors import RecordingError
 from radartwin.radar.chirp import Radar
-from radartwin.radar.dca1000 import frame_bytes, frame_shape
+from radartwin.radar.dca1000 import SampleFile, frame_bytes
 from radartwin.radar.description_files import present
-from radartwin.radar.layouts import WORD, Layout
+from radartwin.radar.layouts import Layout
 
 CHIPS = ("master", "slave1", "slave2", "slave3")
 _RECEIVERS = 4  # number of receivers of a chip
@@ -45,36 +46,22 @@ def frame_reader(folder: Path, radar: Radar) -> tuple[int, Callable[[int, int], 
         RecordingError: the files do not fit the radar, or hold different numbers of frames.
     """
     if radar.num_rx != _RECEIVERS * len(CHIPS) or radar.real_sampling:
-        sampling = "real" if radar.real_sampling else "complex"
-        raise RecordingError(
-            f"radar {radar.name} has {radar.num_rx} receivers and {sampling} samples, but a capture of the cascade has "
-            f"{_RECEIVERS * len(CHIPS)} receivers and complex samples; give the radar of the cascade, such as awr2243_cascade"
-        )
+        given = f"{radar.num_rx} receivers and {'real' if radar.real_sampling else 'complex'} samples"
+        needed = f"a capture of the cascade has {_RECEIVERS * len(CHIPS)} receivers and complex samples"
+        raise RecordingError(f"radar {radar.name} has {given}, but {needed}; give the radar of the cascade, such as awr2243_cascade")
     frame = frame_bytes(radar) // len(CHIPS)
     last = max((int(match[2]) for file in folder.iterdir() if (match := _PART.fullmatch(file.name))), default=0)
-    frames: list[tuple[int, int]] = []  # part and place in the part of each frame
+    parts: list[list[Path]] = []
     for number in range(last + 1):
-        paths = [folder / _name(chip, number) for chip in CHIPS]
+        paths = [folder / f"{chip}_{number:04d}_data.bin" for chip in CHIPS]
         for path in paths:
             present(path, f"each of the {len(CHIPS)} chips needs the parts 0000 to {last:04d}; copy the missing file")
         sizes = [path.stat().st_size for path in paths]
         if len(set(sizes)) > 1 or sizes[0] % frame or not sizes[0]:
-            raise RecordingError(
-                f"{folder}, part {number:04d}: the files hold {', '.join(map(str, sizes))} bytes; each needs the same whole number of "
-                f"frames of {frame} bytes for radar {radar.name}; they are truncated or belong to another radar description"
-            )
-        frames += [(number, place) for place in range(sizes[0] // frame)]
-    loops, transmitters, _, samples = frame_shape(radar)
-
-    def chip_counts(chip: str, number: int, place: int) -> NDArray[np.complex64]:
-        words = np.fromfile(folder / _name(chip, number), WORD, frame // WORD.itemsize, offset=place * frame)
-        return _LAYOUT.samples(words, (loops, transmitters, _RECEIVERS, samples))
-
-    def read(first: int, count: int) -> NDArray[np.complex64]:
-        return np.stack([np.concatenate([chip_counts(chip, *at) for chip in CHIPS], axis=2) for at in frames[first : first + count]])
-
-    return len(frames), read
-
-
-def _name(chip: str, part: int) -> str:
-    return f"{chip}_{part:04d}_data.bin"
+            held = f"the files hold {', '.join(map(str, sizes))} bytes, but need the same whole number of frames of {frame} bytes"
+            remedy = f"give the radar description of this capture instead of {radar.name}, or copy truncated files again"
+            raise RecordingError(f"{folder}, part {number:04d}: {held}; {remedy}")
+        parts.append(paths)
+    of_chip = replace(radar, rx_positions_m=radar.rx_positions_m[:_RECEIVERS], rx_gains_db=None)
+    chips = [SampleFile(paths, of_chip, _LAYOUT) for paths in zip(*parts, strict=True)]
+    return chips[0].frames, lambda first, count: np.concatenate([chip.samples(first, count) for chip in chips], axis=3)

@@ -86,10 +86,8 @@ def training_mean(power: Real, *, guard: tuple[int, ...], training: tuple[int, .
 
     outer = tuple(g + t for g, t in zip(guard, training, strict=True))
     if max(training) == 0 or any(2 * reach + 1 > size for size, reach in zip(power.shape, outer, strict=True)):
-        raise InputError(
-            f"CFAR: guard cells {guard} and training cells {training} do not fit a map of {power.shape} cells; use fewer cells, and at "
-            "least one training cell"
-        )
+        cells = f"guard cells {guard} and training cells {training} do not fit a map of {power.shape} cells"
+        raise InputError(f"CFAR: {cells}; use fewer cells, and at least one training cell")
     total, inner = power.astype(np.float64), power.astype(np.float64)
     for axis, (g, o, circular) in enumerate(zip(guard, outer, wrap, strict=True)):
         mode = "wrap" if circular else "reflect"

@@ -15,7 +15,7 @@ to mmWave sensing: FMCW radars (TI).
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,7 @@ from radartwin.radar.antenna import ELEMENTS, element_gain
 from radartwin.radar.antenna_errors import AntennaErrors
 from radartwin.radar.boards import IWR1843BOOST, Position
 from radartwin.radar.description_files import read_description
-from radartwin.radar.field_checks import check_distinct, from_mapping, is_number, is_whole
+from radartwin.radar.field_checks import check_distinct, from_mapping, is_number, is_whole, require
 from radartwin.radar.if_filter import IfFilter
 from radartwin.radar.phase_noise import PhaseNoise
 from radartwin.radar.ti_files import Description
@@ -82,21 +82,21 @@ class Radar:
     rx_gains_db: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str):
-            raise InputError(f"radar: name must be text, not {self.name!r}")
+        require(self, "radar", "name", lambda value: isinstance(value, str), "text")
+        what = f"radar {self.name}"
         for name in ("start_frequency_hz", "slope_hz_per_s", "sample_rate_hz", "chirp_interval", "frame_rate_hz"):
-            self._require(name, lambda value: is_number(value) and value > 0, "a positive number")
+            require(self, what, name, lambda value: is_number(value) and value > 0, "a positive number")
         for name in ("num_samples", "num_chirps"):
-            self._require(name, lambda value: is_whole(value) and 1 <= value <= _MAX_COUNT, f"a whole number from 1 to {_MAX_COUNT}")
+            require(self, what, name, lambda value: is_whole(value) and 1 <= value <= _MAX_COUNT, f"a whole number from 1 to {_MAX_COUNT}")
         for name in ("noise_figure_db", "transmit_power_dbm"):
-            self._require(name, is_number, "a finite number")
-        self._require("real_sampling", lambda value: isinstance(value, bool), "true or false")
-        self._require("element", lambda value: isinstance(value, str) and value in ELEMENTS, f"one of {', '.join(ELEMENTS)}")
+            require(self, what, name, is_number, "a finite number")
+        require(self, what, "real_sampling", lambda value: isinstance(value, bool), "true or false")
+        require(self, what, "element", lambda value: isinstance(value, str) and value in ELEMENTS, f"one of {', '.join(ELEMENTS)}")
         for name, kind in _PARTS.items():
             if isinstance(value := getattr(self, name), Mapping):
                 object.__setattr__(self, name, from_mapping(kind, name, value))
             else:
-                self._require(name, lambda value, kind=kind: value is None or isinstance(value, kind), f"a {kind.__name__} or None")
+                require(self, what, name, lambda value, kind=kind: value is None or isinstance(value, kind), f"a {kind.__name__} or None")
         for name in ("tx_positions_m", "rx_positions_m"):
             object.__setattr__(self, name, _positions(self.name, name, getattr(self, name)))
         for name, antennas in (("tx_gains_db", self.num_tx), ("rx_gains_db", self.num_rx)):
@@ -104,23 +104,17 @@ class Radar:
                 object.__setattr__(self, name, _gains(self.name, name, gains, antennas))
         self._check_timing()
 
-    def _require(self, name: str, accepts: Callable[[Any], bool], expected: str) -> None:
-        if not accepts(value := getattr(self, name)):
-            raise InputError(f"radar {self.name}: {name} must be {expected}, not {reprlib.repr(value)}")
-
     def _check_timing(self) -> None:
         sampling = self.num_samples / self.sample_rate_hz
         # The tolerance is 1e-6 of the time, because configuration files round times to nanoseconds.
         if sampling > self.chirp_interval * (1 + 1e-6):
-            raise InputError(
-                f"radar {self.name}: sampling takes {sampling * 1e6:.2f} us but chirps start every "
-                f"{self.chirp_interval * 1e6:.2f} us; lengthen chirp_interval or take fewer samples"
-            )
+            times = f"sampling takes {sampling * 1e6:.2f} us but chirps start every {self.chirp_interval * 1e6:.2f} us"
+            raise InputError(f"radar {self.name}: {times}; lengthen chirp_interval or take fewer samples")
         if self.frame_duration_s > (1 + 1e-6) / self.frame_rate_hz:
-            raise InputError(
-                f"radar {self.name}: the chirps of a frame take {self.frame_duration_s * 1e3:.2f} ms but frames start "
-                f"every {1e3 / self.frame_rate_hz:.2f} ms; lower frame_rate_hz or num_chirps"
+            times = (
+                f"the chirps of a frame take {self.frame_duration_s * 1e3:.2f} ms but frames start every {1e3 / self.frame_rate_hz:.2f} ms"
             )
+            raise InputError(f"radar {self.name}: {times}; lower frame_rate_hz or num_chirps")
 
     @property
     def num_tx(self) -> int:
@@ -289,10 +283,8 @@ class Radar:
         if isinstance(values, Mapping) and "waveform" in values:
             values = dict(values)
             if (waveform := values.pop("waveform")) != WAVEFORM:
-                raise InputError(
-                    f"radar description: waveform {reprlib.repr(waveform)} is not simulated; RadarTwin simulates linear FMCW chirps in "
-                    f"time division (waveform: {WAVEFORM})"
-                )
+                remedy = f"RadarTwin simulates linear FMCW chirps in time division (waveform: {WAVEFORM})"
+                raise InputError(f"radar description: waveform {reprlib.repr(waveform)} is not simulated; {remedy}")
         return from_mapping(cls, "radar description", values)
 
 

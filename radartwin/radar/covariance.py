@@ -50,9 +50,7 @@ class Covariance:
         """
         antennas = self.matrix.shape[-1]
         if not 2 <= subarray <= antennas:
-            raise InputError(
-                f"spatial smoothing: a sub-array of {subarray} antennas does not fit an array of {antennas}; use 2 to {antennas}"
-            )
+            raise InputError(f"spatial smoothing: a sub-array of {subarray} antennas does not fit {antennas} antennas; use 2 to {antennas}")
         shifts = antennas - subarray + 1
         blocks = (self.matrix[..., first : first + subarray, first : first + subarray] for first in range(shifts))
         matrix = sum(blocks, np.zeros((*self.matrix.shape[:-2], subarray, subarray), dtype=np.complex128)) / shifts
@@ -94,8 +92,6 @@ def uniform_step(positions_m: Real) -> Real:
     mean = steps.mean(axis=0) if len(steps) else np.zeros(3)
     size = float(np.linalg.norm(mean))
     if size == 0 or np.linalg.norm(steps - mean, axis=1).max() > _STEP_TOLERANCE * size:
-        raise InputError(
-            f"spatial smoothing: the {len(positions_m)} antennas are not equally spaced along a line; choose such a row of the array, "
-            "or leave out subarray and forward_backward"
-        )
+        remedy = "choose such a row of the array, or leave out subarray and forward_backward"
+        raise InputError(f"spatial smoothing: the {len(positions_m)} antennas are not equally spaced along a line; {remedy}")
     return mean

@@ -11,6 +11,7 @@ packets has a sequence number (4 bytes) and a byte count (6 bytes); mmWave SDK u
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -41,8 +42,7 @@ def frame_shape(radar: Radar) -> tuple[int, int, int, int]:
 
 def frame_bytes(radar: Radar) -> int:
     """Return the size of the samples of one frame on disk in bytes."""
-    samples = radar.num_chirps * radar.num_tx * radar.num_rx * radar.num_samples
-    return samples * WORD.itemsize * (1 if radar.real_sampling else 2)
+    return math.prod(frame_shape(radar)) * WORD.itemsize * (1 if radar.real_sampling else 2)
 
 
 def capture_prefix(capture: Path) -> str:
@@ -66,9 +66,7 @@ def parts(capture: Path) -> list[Path]:
     found = {int(match[2]): path for path in paths if (match := _PART.fullmatch(path.stem)) and match[1] == prefix}
     for number in range(max(found) + 1):
         if number not in found:
-            raise MissingError(
-                f"{capture.parent}: {prefix}_Raw_{number}.bin is missing; the capture has parts up to {max(found)}; copy the missing file"
-            )
+            raise MissingError(f"{capture.parent}: {prefix}_Raw_{number}.bin is missing, and there are parts up to {max(found)}; copy it")
     return [found[number] for number in sorted(found)]
 
 
@@ -167,10 +165,8 @@ class SampleFile:
         # The byte count of a packet follows from its number, also if packets are lost or arrive in another order.
         before = {count - PACKET_BYTES * number for number, count in zip(numbers, counts, strict=True)}
         if self.size > 2 * packet + _COUNTERS and len(set(numbers)) == len(numbers) and len(before) == 1:
-            raise RecordingError(
-                f"{self.path}: it holds the packet headers of the DCA1000 ({_COUNTERS} bytes before each {PACKET_BYTES} bytes of samples); "
-                "remove the packet headers, or record without sequence numbers"
-            )
+            headers = f"the packet headers of the DCA1000 ({_COUNTERS} bytes before each {PACKET_BYTES} bytes of samples)"
+            raise RecordingError(f"{self.path}: it holds {headers}; remove them, or record without sequence numbers")
 
     def _after_headers(self, chirp_bytes: int) -> NDArray[np.int64]:
         """Return the place (N,) of the first sample of each chirp, in bytes, by the magic words of the headers."""
@@ -184,19 +180,13 @@ class SampleFile:
         distances = np.diff([*places, self.size])
         distance = Counter(distances.tolist()).most_common(1)[0][0]
         if distance <= chirp_bytes:
-            raise RecordingError(
-                f"{self.path}: its headers are {distance} bytes apart, which leaves no space for a chirp of {chirp_bytes} bytes; give the "
-                "radar description of this capture"
-            )
+            reason = f"its headers are {distance} bytes apart, which leaves no space for a chirp of {chirp_bytes} bytes"
+            raise RecordingError(f"{self.path}: {reason}; give the radar description of this capture")
         if places[0] > 0:
-            raise RecordingError(
-                f"{self.path}: it begins with {places[0]} bytes without a header, so that the transmitter of its first chirp is unknown; "
-                "record again"
-            )
+            reason = f"it begins with {places[0]} bytes without a header, so that the transmitter of its first chirp is unknown"
+            raise RecordingError(f"{self.path}: {reason}; record again")
         if np.any((distances[:-1] > distance) & (distances[:-1] % distance != 0)):
-            raise RecordingError(
-                f"{self.path}: headers before or after user data were lost; record again without user data (lvdsStreamCfg)"
-            )
+            raise RecordingError(f"{self.path}: headers beside user data were lost; record again without user data (lvdsStreamCfg)")
         # A distance of several chirps has headers that were lost. Another distance is that of user data, or of a chirp that is cut off.
         chirps = np.where(distances % distance == 0, distances // distance, 0)
         if distances[-1] not in distances[:-1]:

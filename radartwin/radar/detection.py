@@ -62,14 +62,8 @@ class Peaks:
         """Return a table with the columns range_m, doppler_mps, azimuth_deg, power_db."""
         import pandas as pd
 
-        return pd.DataFrame(
-            {
-                "range_m": self.range_m,
-                "doppler_mps": self.velocity_mps,
-                "azimuth_deg": np.degrees(self.azimuth_rad),
-                "power_db": 10 * np.log10(self.power),
-            }
-        )
+        columns = {"range_m": self.range_m, "doppler_mps": self.velocity_mps, "azimuth_deg": np.degrees(self.azimuth_rad)}
+        return pd.DataFrame({**columns, "power_db": 10 * np.log10(self.power)})
 
 
 def detect(iq: Complex, radar: Radar, *, static_removed: bool = False, maps: PowerMaps | None = None, angle: str = "bartlett") -> Peaks:
@@ -125,19 +119,14 @@ def _covariance(block: Complex, cells: PeakCells, radar: Radar) -> Covariance:
 
 def _peaks(cells: PeakCells, signals: Covariance, radar: Radar, angle: str, elevation: bool) -> Peaks:
     """Return the peaks of cells whose covariance matrices over the channels are given. A cell with two targets gives two peaks."""
-    if radar.num_tx * radar.num_rx == 1:
-        cell = np.arange(len(cells))
-        azimuth_rad, elevation_rad, share = np.full(len(cells), np.nan), np.full(len(cells), np.nan), np.ones(len(cells))
-    else:
-        found = cell_directions(signals, radar, angle, elevation)
-        cell, azimuth_rad, elevation_rad, share = found.cell, found.azimuth_rad, found.elevation_rad, found.share
-    velocity_mps = cells.velocity_mps[cell]
+    found = cell_directions(signals, radar, angle, elevation)
+    cell = found.cell
     peaks = Peaks(
         range_m=cells.range_m[cell],
-        velocity_mps=velocity_mps if radar.num_chirps > 1 else np.full(len(cell), np.nan),
-        azimuth_rad=azimuth_rad,
-        elevation_rad=elevation_rad,
-        power=cells.power[cell] * share,
+        velocity_mps=cells.velocity_mps[cell] if radar.num_chirps > 1 else np.full(len(cell), np.nan),
+        azimuth_rad=found.azimuth_rad,
+        elevation_rad=found.elevation_rad,
+        power=cells.power[cell] * found.share,
         noise=cells.noise[cell],
     )
     order = np.argsort(-peaks.power, kind="stable")

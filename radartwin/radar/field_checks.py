@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import reprlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, fields
 from typing import Any
 
@@ -27,6 +27,12 @@ def is_number(value: Any) -> bool:
 
 def is_whole(value: Any) -> bool:
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+def require(described: Any, what: str, name: str, accepts: Callable[[Any], bool], expected: str) -> None:
+    """Raise InputError, which calls the dataclass instance `what`, unless `accepts` is true for its field `name`."""
+    if not accepts(value := getattr(described, name)):
+        raise InputError(f"{what}: {name} must be {expected}, not {reprlib.repr(value)}")
 
 
 def from_mapping(kind: Any, name: str, values: Any) -> Any:
@@ -53,18 +59,16 @@ def from_mapping(kind: Any, name: str, values: Any) -> Any:
         raise InputError(f"{name}: {error}".replace(f"{kind.__name__}.__init__() ", "")) from None
 
 
-def check_distinct(positions: Sequence[tuple[float, ...]], what: str) -> None:
-    """Raise InputError if two antennas have the same position. The message gives the name `what` of the antennas and their numbers."""
+def check_distinct(positions: Sequence[tuple[float, ...]], what: str, error: type[InputError] = InputError) -> None:
+    """Raise `error` if two antennas have the same position. The message gives the name `what` of the antennas and their numbers."""
     first: dict[tuple[float, ...], int] = {}
     for number, position in enumerate(positions, start=1):
         if (other := first.setdefault(position, number)) != number:
-            raise InputError(
-                f"{what}: antennas {other} and {number} are at the same position; give each antenna its own position, or leave one out"
-            )
+            raise error(f"{what}: antennas {other} and {number} are at the same position; give each its own, or leave one out")
 
 
-def check_rigid(poses: NDArray[np.float64], what: str) -> None:
-    """Raise PoseError unless all poses (F, 4, 4) are finite and rigid. The error message gives the name `what` and the frame.
+def check_rigid(poses: NDArray[np.float64], what: str, error: type[InputError] = PoseError) -> None:
+    """Raise `error` unless all poses (F, 4, 4) are finite and rigid. The error message gives the name `what` and the frame.
 
     A rigid pose has a right-handed rotation matrix and the last row 0 0 0 1. The product of the rotation matrix and its transpose may
     differ from the identity by up to 1e-4 per entry, because poses from text files and float32 arrays are rounded.
@@ -74,7 +78,5 @@ def check_rigid(poses: NDArray[np.float64], what: str) -> None:
     straight = np.abs(rotation @ rotation.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2)) < 1e-4
     rigid = finite & straight & (np.linalg.det(rotation) > 0) & (np.abs(poses[:, 3] - (0, 0, 0, 1)) < 1e-9).all(axis=1)
     if not rigid.all():
-        raise PoseError(
-            f"{what}, frame {np.flatnonzero(~rigid)[0]}: not a rigid pose; give a rotation and a position in metres, all finite, "
-            "with last row 0 0 0 1"
-        )
+        remedy = "give a rotation and a position in metres, all finite, with last row 0 0 0 1"
+        raise error(f"{what}, frame {np.flatnonzero(~rigid)[0]}: not a rigid pose; {remedy}")

@@ -53,11 +53,8 @@ from radartwin.radar.if_filter import IfFilter
 from radartwin.radar.layouts import FULL_SCALE
 from radartwin.radar.phase_noise import PhaseNoise, interpolation
 
+_IWR1843_FILTER = IfFilter((175e3, 350e3))
 _NODES = (0.2, 0.55, 0.95)  # beat frequencies, as fractions of the band, for whose delays the simulation computes the phase error
-
-
-def _iwr1843_filter() -> IfFilter:
-    return IfFilter((175e3, 350e3))
 
 
 @dataclass(frozen=True)
@@ -81,7 +78,7 @@ class Hardware:
     start_s: float = 50e-6  # largest delay of the start of a recording against its motion log, in seconds
     jitter_s: float = 1e-6  # standard deviation of the start time of a frame, in seconds
     full_scale_db: float | None = -35.0  # received over transmitted power at full scale of the ADC, in dB; None leaves out the ADC
-    if_filter: IfFilter | None = field(default_factory=_iwr1843_filter)  # IF filter of the receiver; None leaves out the filter
+    if_filter: IfFilter | None = _IWR1843_FILTER  # IF filter of the receiver; None leaves out the filter
     phase_noise: PhaseNoise | None = field(default_factory=PhaseNoise)  # phase noise of the oscillator; None leaves out phase noise
 
     @property
@@ -95,22 +92,18 @@ class Hardware:
         A strength of 1 gives the same hardware, and a strength of 0 gives the ideal radar. IF filter, full scale of the ADC and geometry
         are settings of the radar, which do not depend on the strength. The strength 0 removes the IF filter and the ADC as well.
         """
-        if strength <= 0:
-            return replace(
-                self, line_loss_db=0.0, coupling_db=-np.inf, gain_imbalance_db=0.0, phase_imbalance_deg=0.0, offset_dbfs=-np.inf,
-                channel_gain_db=0.0, channel_phase_deg=0.0, chirp_late_s=0.0, start_s=0.0, jitter_s=0.0, full_scale_db=None,
-                if_filter=None, phase_noise=None,
-            )  # fmt: skip
-        decibels = float(20 * np.log10(strength))
+        strength = max(strength, 0.0)
+        decibels = float(20 * np.log10(strength)) if strength else -np.inf
         spreads = (
             "line_loss_db", "gain_imbalance_db", "phase_imbalance_deg", "channel_gain_db", "channel_phase_deg",
             "chirp_late_s", "start_s", "jitter_s",
         )  # fmt: skip
+        levels = {name: getattr(self, name) + decibels for name in ("coupling_db", "offset_dbfs")}
+        scaled = replace(self, **levels, **{name: strength * getattr(self, name) for name in spreads})
+        if not strength:
+            return replace(scaled, full_scale_db=None, if_filter=None, phase_noise=None)
         noise = self.phase_noise and replace(self.phase_noise, level_dbc_hz=self.phase_noise.level_dbc_hz + decibels)
-        return replace(
-            self, coupling_db=self.coupling_db + decibels, offset_dbfs=self.offset_dbfs + decibels, phase_noise=noise,
-            **{name: strength * getattr(self, name) for name in spreads},
-        )  # fmt: skip
+        return replace(scaled, phase_noise=noise)
 
     def front_end(self, radar: Radar) -> Radar:
         """Return the radar with which the ideal samples are simulated.

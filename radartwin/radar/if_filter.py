@@ -21,8 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radartwin.errors import InputError
-from radartwin.radar.field_checks import is_number
+from radartwin.radar.field_checks import is_number, require
 
 
 @dataclass(frozen=True)
@@ -47,16 +46,14 @@ class IfFilter:
     zero_phase: bool = True
 
     def __post_init__(self) -> None:
-        corners = self.high_pass_hz
-        if not isinstance(corners, tuple | list) or not all(is_number(c) and c > 0 for c in corners):
-            raise InputError(f"if_filter: high_pass_hz must be frequencies above zero, not {corners!r}")
-        object.__setattr__(self, "high_pass_hz", tuple(float(c) for c in corners))
-        if not (is_number(self.pass_share) and 0 < self.pass_share < 1):
-            raise InputError(f"if_filter: pass_share must be between 0 and 1, not {self.pass_share!r}")
-        if not (is_number(self.stop_db) and self.stop_db >= 0):
-            raise InputError(f"if_filter: stop_db must be a finite number of at least 0, not {self.stop_db!r}")
-        if not isinstance(self.zero_phase, bool):
-            raise InputError(f"if_filter: zero_phase must be true or false, not {self.zero_phase!r}")
+        for name, accepts, expected in (
+            ("high_pass_hz", lambda v: isinstance(v, tuple | list) and all(is_number(c) and c > 0 for c in v), "frequencies above zero"),
+            ("pass_share", lambda v: is_number(v) and 0 < v < 1, "between 0 and 1"),
+            ("stop_db", lambda v: is_number(v) and v >= 0, "a finite number of at least 0"),
+            ("zero_phase", lambda v: isinstance(v, bool), "true or false"),
+        ):
+            require(self, "if_filter", name, accepts, expected)
+        object.__setattr__(self, "high_pass_hz", tuple(float(c) for c in self.high_pass_hz))
 
     def gain(self, beat_hz: ArrayLike, band_hz: float) -> NDArray[np.complex128]:
         """Compute the complex gain of the IF filter for echoes, from their beat frequency before folding.

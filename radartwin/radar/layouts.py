@@ -91,7 +91,5 @@ class Layout:
     def _run(self, receivers: int, samples: int) -> int:
         """Return the number of successive words that are all I or all Q."""
         if not self.alternating and not self.interleaved and receivers * samples % 2:
-            raise RecordingError(
-                f"{receivers * samples} samples per chirp over all receivers cannot be paired on two lanes; use an even num_samples"
-            )
+            raise RecordingError(f"{receivers * samples} samples of all receivers form no pairs for two lanes; use an even num_samples")
         return 1 if self.alternating else receivers if self.interleaved else 2

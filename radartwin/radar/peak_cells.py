@@ -8,6 +8,7 @@ appears at the unambiguous range.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,10 +75,11 @@ def peak_cells(power: Real, radar: Radar, frames: int) -> PeakCells:
     cells = cells[range_m[cells[:, 1]] >= MIN_RANGE_M]
     doppler_cell, range_cell = cells.T
     level_db = decibels(power)
-    rows = [level_db[(doppler_cell + step) % len(power), range_cell] for step in (-1, 0, 1)]
-    columns = [level_db[doppler_cell, _neighbour(range_cell, step, power.shape[1], radar)] for step in (-1, 0, 1)]
+    steps, bins = np.array([[-1], [0], [1]]), power.shape[1]
+    rows = level_db[(doppler_cell + steps) % len(power), range_cell]
+    beside = (range_cell + steps).clip(0, bins - 1) if radar.real_sampling else (range_cell + steps) % bins
     doppler_shift, doppler_gain = parabola(rows)
-    range_shift, range_gain = parabola(columns)
+    range_shift, range_gain = parabola(level_db[doppler_cell, beside])
     residual_mps = doppler_shift * (2 * radar.max_velocity_mps / len(power))
     return PeakCells(
         doppler=doppler_cell,
@@ -139,10 +141,6 @@ def _without_sidelobes(cells: NDArray[np.intp], power: Real, radar: Radar) -> ND
     return np.array(peaks, dtype=np.intp).reshape(-1, 2)
 
 
-def _neighbour(cell: NDArray[np.intp], step: int, size: int, radar: Radar) -> NDArray[np.intp]:
-    return np.clip(cell + step, 0, size - 1) if radar.real_sampling else (cell + step) % size
-
-
 def _skirt(size: int, bins: int) -> Real:
     """Return the highest window sidelobe at or beyond each distance of 0 to bins - 1 bins from a peak, (bins,).
 
@@ -157,7 +155,7 @@ def _skirt(size: int, bins: int) -> Real:
     return envelope[np.minimum(index, envelope.size - 1)]
 
 
-def parabola(levels_db: list[Real]) -> tuple[Real, Real]:
+def parabola(levels_db: Iterable[Real]) -> tuple[Real, Real]:
     """Fit a parabola through three equally spaced values.
 
     Returns:

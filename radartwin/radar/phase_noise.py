@@ -26,8 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin.errors import InputError
-from radartwin.radar.field_checks import is_number
+from radartwin.radar.field_checks import is_number, require
 
 _TAIL = 1e-6  # Bessel functions below this limit are neglected; the resulting error is far below the phase error of the nearest echo
 # Period of the simulated noise divided by the duration of a frequency sweep. A ratio above 1 makes both ends of a sweep independent.
@@ -50,11 +49,8 @@ class PhaseNoise:
     corner_hz: float = 300e3
 
     def __post_init__(self) -> None:
-        for name in ("level_dbc_hz", "corner_hz"):
-            if not is_number(value := getattr(self, name)):
-                raise InputError(f"phase_noise: {name} must be a finite number, not {value!r}")
-        if self.corner_hz <= 0:
-            raise InputError(f"phase_noise: corner_hz must be above zero, not {self.corner_hz!r}")
+        require(self, "phase_noise", "level_dbc_hz", is_number, "a finite number")
+        require(self, "phase_noise", "corner_hz", lambda value: is_number(value) and value > 0, "a finite number above zero")
 
     def density(self, offset_hz: Any) -> Any:
         """Compute the one-sided spectral density of the oscillator's phase in rad^2/Hz, at frequency offsets from the carrier in Hz."""

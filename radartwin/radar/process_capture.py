@@ -102,18 +102,11 @@ def _draw(maps: PowerMaps, name: str, peaks: Peaks, unit: str, title: str) -> Fi
     top = float(level_db.max()) if power.any() else 0.0  # a silent recording has no level
     with matplotlib.rc_context(style.style()):
         figure, axes = style.figure(height_in=4.6)
-        image = axes.imshow(
-            level_db.T,
-            origin="lower",
-            aspect="auto",
-            interpolation="nearest",
-            extent=(*style.pixel_edges(across), *style.pixel_edges(maps.range_m)),
-            vmin=top - _DYNAMIC_RANGE_DB,
-            vmax=top,
-            cmap=style.SEQUENTIAL,
-        )
+        xlim, ylim = style.pixel_edges(across), style.pixel_edges(maps.range_m)
+        shown = {"origin": "lower", "aspect": "auto", "interpolation": "nearest", "cmap": style.SEQUENTIAL}
+        image = axes.imshow(level_db.T, extent=(*xlim, *ylim), vmin=top - _DYNAMIC_RANGE_DB, vmax=top, **shown)
         if marks is not None and len(peaks):
             axes.plot(marks, peaks.range_m, "o", mfc="none", mec="white", ms=6, mew=0.9, alpha=0.8)
-        axes.set(xlabel=label, ylabel="range (m)", title=title, xlim=style.pixel_edges(across), ylim=style.pixel_edges(maps.range_m))
+        axes.set(xlabel=label, ylabel="range (m)", title=title, xlim=xlim, ylim=ylim)
         figure.colorbar(image, ax=axes, label=f"power ({unit})")
     return figure

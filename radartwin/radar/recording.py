@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin.errors import OutputError, PoseError, RecordingError
+from radartwin.errors import OutputError, RecordingError
 from radartwin.io import files, scratch
 from radartwin.io.one_line import plural
 from radartwin.radar import dca1000
@@ -80,10 +80,7 @@ class Recording:
                 self.sensor_poses = np.empty(0)
             if self.sensor_poses.shape not in ((self.num_frames, 4, 4), (1, 4, 4)):
                 raise RecordingError(f"{where}: sensor_poses must be numbers of the shape ({self.num_frames}, 4, 4) or (1, 4, 4)")
-            try:
-                check_rigid(self.sensor_poses, f"{where}: sensor_poses")
-            except PoseError as error:
-                raise RecordingError(str(error)) from None
+            check_rigid(self.sensor_poses, f"{where}: sensor_poses", RecordingError)
 
     @property
     def num_frames(self) -> int:
@@ -134,7 +131,12 @@ class Recording:
                     stream.write(words.tobytes())
                     saturated += clipped
             with temporary[json_path].open("w", encoding="utf-8") as stream:
-                json.dump(self._description(scale, swapped, saturated), stream, indent=1, allow_nan=False)
+                described = {
+                    "format": _FORMAT, "frames": self.num_frames, "scale": scale, "iq_swapped": swapped, "saturated": saturated,
+                    "radar": self.radar.to_dict(), "provenance": self.provenance,
+                    "sensor_poses": None if self.sensor_poses is None else self.sensor_poses.tolist(),
+                }  # fmt: skip
+                json.dump(described, stream, indent=1, allow_nan=False)
                 stream.write("\n")
         self.scale, self.iq_swapped, self.saturated = scale, swapped, saturated
         return saturated
@@ -160,9 +162,8 @@ class Recording:
         counts = gathered(bin_path, range(stored.frames), stored.shape, stored.samples, scale)
         frames = described.get("frames", len(counts))
         if frames != len(counts):
-            raise RecordingError(
-                f"{bin_path}: it holds {plural(len(counts), 'frame')} but {json_path.name} says {frames}; copy both files of one recording"
-            )
+            held = plural(len(counts), "frame")
+            raise RecordingError(f"{bin_path}: it holds {held} but {json_path.name} says {frames}; copy both files of one recording")
         poses = described.get("sensor_poses")
         try:
             return cls(
@@ -182,18 +183,6 @@ class Recording:
         if not math.isfinite(peak):
             raise RecordingError("the recording holds NaN or infinite samples, which int16 cannot hold; simulate or record it again")
         return peak / _PEAK_COUNT if peak > 0 else 1.0
-
-    def _description(self, scale: float, swapped: bool, saturated: int) -> dict[str, Any]:
-        return {
-            "format": _FORMAT,
-            "frames": self.num_frames,
-            "scale": scale,
-            "iq_swapped": swapped,
-            "saturated": saturated,
-            "radar": self.radar.to_dict(),
-            "provenance": self.provenance,
-            "sensor_poses": None if self.sensor_poses is None else self.sensor_poses.tolist(),
-        }
 
 
 def read_described(path: str | Path) -> tuple[Radar, dict[str, Any]]:

@@ -68,9 +68,8 @@ def read_log(path: str | Path, lanes: int = 2) -> StudioLog:
     received = _number(path, values, "number of received packets")
     if received is None:
         raise RecordingError(f"{path}: the number of received packets is missing; give the LogFile.csv of a finished capture")
-    packets, filled, late = (
-        _number(path, values, key) or 0 for key in ("number of zero filled packets", "number of zero filled bytes", "out of sequence count")
-    )
+    counted = ("number of zero filled packets", "number of zero filled bytes", "out of sequence count")
+    packets, filled, late = (_number(path, values, key) or 0 for key in counted)
     started = values.get("capture start time")
     try:  # English day and month names, unless a locale is set
         started = datetime.strptime(started, "%a %b %d %H:%M:%S %Y").isoformat() if started else None

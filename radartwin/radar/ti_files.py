@@ -336,10 +336,8 @@ def _antennas(setup: Setup, profile: Numbers, name: str | None, transmitters: Se
         by_carrier = IWR6843ISK if profile["start_ghz"] < 70 else AWR2944EVM if mask > 7 else IWR1642BOOST if mask == 3 else IWR1843BOOST
         board, reason = BOARDS[setup.assumed] if setup.assumed else by_carrier, "assumed"
     if not receivers or max(receivers) >= len(board.rx_positions_m) or max(transmitters) >= len(board.tx_positions_m):
-        raise RecordingError(
-            f"channels rx {setup.numbers['rx_mask']:#x} tx {mask:#x} do not fit a {board.name}; choose the board with --board, or give a "
-            ".yaml with the antenna positions"
-        )
+        channels = f"channels rx {setup.numbers['rx_mask']:#x} tx {mask:#x} do not fit a {board.name}"
+        raise RecordingError(f"{channels}; choose the board with --board, or give a .yaml with the antenna positions")
     return board.part(transmitters, receivers), reason
 
 

@@ -247,12 +247,8 @@ def summary(scene: Scene, rows: int = 30) -> list[str]:
     lines = [f"{'surface':16} {'m2':>8} {'faces':>6} {'kind':>7}  shape"]
     for surface in order[:rows]:
         facts = surface.provenance
-        if facts.get("completed"):
-            shape = "a pane that the scan missed"
-        elif facts.get("planar"):
-            shape = "a plane"
-        else:
-            shape = plural(facts["planes"], "plane") if facts.get("planes") else "not flat"
+        flat = "a plane" if facts.get("planar") else plural(facts["planes"], "plane") if facts.get("planes") else "not flat"
+        shape = "a pane that the scan missed" if facts.get("completed") else flat
         lines.append(f"{surface.name[:16]:16} {surface.mesh.area:8.2f} {len(surface.mesh.faces):6d} {surface.kind:>7}  {shape}")
     if len(order) > rows:
         lines.append(f"and {plural(len(order) - rows, 'smaller surface')}, {sum(float(s.mesh.area) for s in order[rows:]):.2f} m2")

@@ -209,6 +209,5 @@ def _up_axis(mesh: trimesh.Trimesh, path: Path) -> tuple[str, str]:
     if path.suffix.lower() == ".glb":
         return "y", "glTF 2.0 defines +Y as up, and no axis has clearly the most area; give --up if it is another axis"
     x, y, z = area
-    raise ScanError(
-        f"{path}: no clear up axis (area facing x {x:.1f}, y {y:.1f}, z {z:.1f} m2); give it: --up z, or --up y as phones export"
-    )
+    areas = f"area facing x {x:.1f}, y {y:.1f}, z {z:.1f} m2"
+    raise ScanError(f"{path}: no clear up axis ({areas}); give it: --up z, or --up y as phones export")

@@ -89,10 +89,8 @@ def import_captures(
     for item in plans:
         row = stored.get(item.row.recording, item.row)
         if row.condition != item.row.condition:
-            raise InputError(
-                f"{item.capture}: {out} holds another recording {row.recording} ({describe(row)}); add recording=NAME to the command or to "
-                "a mapping file"
-            )
+            held = f"{out} holds another recording {row.recording} ({describe(row)})"
+            raise InputError(f"{item.capture}: {held}; add recording=NAME to the command or to a mapping file")
     missing = [item for item in plans if item.row.recording not in stored]
     if len(missing) < len(plans):
         say(f"{len(plans) - len(missing)} of {len(plans)} captures are already in {out}")
@@ -176,10 +174,9 @@ def find_captures(source: Path) -> list[Path]:
         return [dca1000.parts(source)[0]]
     names = ("*.bin", *(f"*{suffix}" for suffix in CUBES), roverd.CHANNEL)
     files = sorted(path for name in names for path in source.rglob(name) if not _hidden(path.relative_to(source)))
-    captures = list(dict.fromkeys(dca1000.parts(path)[0] for path in files))
-    if not captures:
+    if not files:
         raise MissingError(f"{source}: the folder has no .bin and no .npy, .npz or roverd channel iq; give a folder of captures")
-    return captures
+    return list(dict.fromkeys(dca1000.parts(path)[0] for path in files))
 
 
 def read_capture(

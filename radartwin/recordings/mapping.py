@@ -82,8 +82,7 @@ def columns_of(captures: Sequence[Path], root: Path, entries: Iterable[Entry]) -
     for entry in entries:
         pattern, matched = _compiled(entry.file), False
         for i, capture in enumerate(captures):
-            match = next((m for name in _names(capture, root) if (m := pattern.fullmatch(name))), None)
-            if match:
+            if match := next(filter(None, map(pattern.fullmatch, _names(capture, root))), None):
                 matched = True
                 out[i] = {**(out[i] or {}), **match.groupdict(), **entry.columns}
         if not matched:

@@ -6,6 +6,7 @@ uniform lines along y, so that only psi = k d (sin theta - sin theta_0) enters t
 
 import numpy as np
 import pytest
+from made_files import refused
 from scipy.stats import chi2
 
 from radartwin.errors import InputError
@@ -157,8 +158,8 @@ REFUSED = {
     "broken sub-array": (lambda: AngleMethod("capon", subarray=2.5), "subarray"),  # type: ignore[arg-type]
     "sources in words": (lambda: AngleMethod("music", sources="two"), "sources"),  # type: ignore[arg-type]
     "negative sources": (lambda: AngleMethod("music", sources=-1), "sources"),
-    "few snapshots": (lambda: evaluated(NOISY, AngleMethod("capon")), "4 snapshots of 8 antennas.*loading"),
-    "no noise": (lambda: evaluated(one_source(1.0, 0.0, 0.0), AngleMethod("capon")), "no inverse.*loading"),
+    "few snapshots": (lambda: evaluated(NOISY, AngleMethod("capon")), "4 snapshots of 8 antennas", "loading"),
+    "no noise": (lambda: evaluated(one_source(1.0, 0.0, 0.0), AngleMethod("capon")), "no inverse", "loading"),
     "many sources": (lambda: evaluated(one_source(1.0, 1.0, 0.0), AngleMethod("music", sources=8)), "at least 9 antennas"),
     "sources beyond the snapshots": (lambda: evaluated(NOISY, AngleMethod("music", sources=5)), "5 snapshots"),
     "uneven line": (lambda: spectrum(NOISY, uneven(), FREQUENCY, AngleMethod("capon", subarray=5)), "not equally spaced"),
@@ -173,7 +174,5 @@ REFUSED = {
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_impossible_estimates_are_refused_with_a_remedy(case):
-    call, words = REFUSED[case]
-    with pytest.raises(InputError, match=words) as refused:
-        call()
-    assert "\n" not in str(refused.value)
+    call, *words = REFUSED[case]
+    refused(words, call, error=InputError)

@@ -171,10 +171,7 @@ KINDS = {
         cfg("antGeometry0 0 -1 -2 -3 -2 -3 -4 -5 -4 -5 -6 -7\nantGeometry1 0 0 0 0 -1 -1 -1 -1 0 0 0 0", tx=(0, 1, 2), start=60.0),
         words(echo([0, LIGHT / 62e9, 2 * LIGHT / 62e9], [n * LIGHT / 62e9 / 2 for n in range(4)], 6, start=60.0)),
     ),
-    "phase of a transmitter": (
-        cfg(phases=0x40 << 16),
-        words(echo(PAIR, ROW, 6) * np.array([1, -1j])[:, None, None]),
-    ),
+    "phase of a transmitter": (cfg(phases=0x40 << 16), words(echo(PAIR, ROW, 6) * np.array([1, -1j])[:, None, None])),
     "the last profile, chirps and configuration count": (
         cfg(slope=20.0, tx=(0, 1, 2)) + cfg().replace("chirpCfg 0", PROFILE.format(n=0, start=70, slope=9, phases=0) + "\n"
         + PROFILE.format(n=0, start=START_GHZ, slope=SLOPE, phases=0) + "\nchirpCfg 0 0 0 0 0 0 0 2\nchirpCfg 0", 1),

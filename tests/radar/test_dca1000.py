@@ -4,6 +4,7 @@ import struct
 
 import numpy as np
 import pytest
+from made_files import refused
 
 from radartwin.errors import RecordingError
 from radartwin.radar.layouts import Layout
@@ -14,14 +15,8 @@ PAIRS = [0, 1, -1000, -1001, 10, 11, -1010, -1011, 100, 101, -1100, -1101, 110, 
 LAYOUTS = {
     "pairs": (Layout(), PAIRS),
     "Q first": (Layout(q_first=True), [-1000, -1001, 0, 1, -1010, -1011, 10, 11, -1100, -1101, 100, 101, -1110, -1111, 110, 111]),
-    "alternating": (
-        Layout(alternating=True),
-        [0, -1000, 1, -1001, 10, -1010, 11, -1011, 100, -1100, 101, -1101, 110, -1110, 111, -1111],
-    ),
-    "interleaved": (
-        Layout(interleaved=True),
-        [0, 10, -1000, -1010, 1, 11, -1001, -1011, 100, 110, -1100, -1110, 101, 111, -1101, -1111],
-    ),
+    "alternating": (Layout(alternating=True), [0, -1000, 1, -1001, 10, -1010, 11, -1011, 100, -1100, 101, -1101, 110, -1110, 111, -1111]),
+    "interleaved": (Layout(interleaved=True), [0, 10, -1000, -1010, 1, 11, -1001, -1011, 100, 110, -1100, -1110, 101, 111, -1101, -1111]),
     "both": (
         Layout(interleaved=True, alternating=True),
         [0, -1000, 10, -1010, 1, -1001, 11, -1011, 100, -1100, 110, -1110, 101, -1101, 111, -1111],
@@ -59,8 +54,6 @@ def test_every_int16_round_trips():
         assert Layout().words(iq * np.float32(scale), scale)[0].tobytes() == counts.tobytes()
 
 
-def test_invalid_samples_are_refused():
-    with pytest.raises(RecordingError, match="NaN"):
-        Layout().words(np.full((1, 2), np.nan + 0j), 1.0)
-    with pytest.raises(RecordingError, match="even"):
-        Layout().words(np.zeros((1, 3), complex), 1.0)
+@pytest.mark.parametrize(("iq", "word"), [(np.full((1, 2), np.nan + 0j), "NaN"), (np.zeros((1, 3), complex), "even")])
+def test_invalid_samples_are_refused(iq, word):
+    refused([word], Layout().words, iq, 1.0, error=RecordingError)

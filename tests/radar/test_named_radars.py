@@ -34,26 +34,19 @@ def test_azimuth_row_is_a_filled_half_wavelength_line(name):
     np.testing.assert_allclose(np.diff(y), 1.0, atol=1e-5)  # rounded to 1e-6 above
 
 
-def test_cascade_board_has_the_published_places():
-    half = C / 76.8e9 / 2
-    tx, rx = np.array(MMWCAS_RF_EVM.tx_positions_m) / half, np.array(MMWCAS_RF_EVM.rx_positions_m) / half
-    np.testing.assert_allclose(tx[:, 1] - tx[-1, 1], CASCADE_TX_AZIMUTH, atol=1e-9)
-    np.testing.assert_allclose(tx[:, 2], CASCADE_TX_ELEVATION, atol=1e-9)
-    np.testing.assert_allclose(rx[:, 1] - rx[12, 1], CASCADE_RX_AZIMUTH, atol=1e-9)
-    assert not tx[:, 0].any()
-    assert not rx[:, [0, 2]].any()
-
-
-def test_cascade_fires_from_tx12_down_to_tx1():
+def test_cascade_has_the_published_places_and_fires_from_tx12_down_to_tx1():
     """TI's Cascade_Configuration_MIMO.lua sends chirps 0 to 11 with TX2, TX1, TX0 of device 4, then of devices 3, 2 and 1. Transmitter k of
     device d is TX 3 (d - 1) + k + 1 of the board.
     """
     fired = [3 * (device - 1) + k for device in (4, 3, 2, 1) for k in (2, 1, 0)]
     radar, half = named_radar("awr2243_cascade"), C / 76.8e9 / 2
-    tx = radar.tx_positions / half
+    assert (radar.tx_positions_m, radar.rx_positions_m) == (MMWCAS_RF_EVM.tx_positions_m[::-1], MMWCAS_RF_EVM.rx_positions_m)
+    tx, rx = radar.tx_positions / half, radar.rx_positions / half
     np.testing.assert_allclose(tx[:, 1] - tx[:, 1].min(), np.array(CASCADE_TX_AZIMUTH)[fired], atol=1e-9)
     np.testing.assert_allclose(tx[:, 2], np.array(CASCADE_TX_ELEVATION)[fired], atol=1e-9)
-    assert radar.rx_positions_m == MMWCAS_RF_EVM.rx_positions_m
+    np.testing.assert_allclose(rx[:, 1] - rx[12, 1], CASCADE_RX_AZIMUTH, atol=1e-9)
+    assert not tx[:, 0].any()
+    assert not rx[:, [0, 2]].any()
 
 
 def test_isk_has_a_raised_middle_transmitter():
@@ -66,6 +59,7 @@ def test_isk_has_a_raised_middle_transmitter():
 @pytest.mark.parametrize(
     ("name", "first_hz", "bandwidth_hz", "chirp_s", "transmitters", "band_hz"),
     [
+        ("iwr1843", 77e9, 70e12 * 256 / 5.21e6, 64e-6, 2, (76e9, 81e9)),
         ("iwr6843", 60.49e9, 70e12 * 256 / 5.21e6, 64.14e-6, 3, (60e9, 64e9)),
         ("awr2243_cascade", 77.474e9, 79e12 * 256 / 8e6, 45e-6, 12, (76e9, 81e9)),
     ],

@@ -4,7 +4,7 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
-import pytest
+from made_files import refused
 from rosbags import typesys
 
 from radartwin.errors import InputError
@@ -93,5 +93,4 @@ def test_arrays_of_a_recording_give_the_points_of_each_frame():
     np.testing.assert_allclose(stored["time_s"], [0.0, 0.1, 0.2])
     np.testing.assert_allclose(stored["points"][2:4], np.array(list(EXPECTED.values())).T, rtol=1e-6, atol=1e-6)
     assert arrays([none], 10.0)["points"].shape == (0, 5)
-    with pytest.raises(InputError, match="no frame"):
-        arrays([], 10.0)
+    refused(["no frame"], arrays, [], 10.0, error=InputError)

@@ -25,19 +25,10 @@ def test_derived_quantities_match_the_papers_table():
     assert dataclasses.replace(RADAR, real_sampling=True).unambiguous_range_m == pytest.approx(5.58, abs=5e-3)
 
 
-def test_velocity_limits_follow_from_the_chirp_interval_of_one_transmitter():
-    wavelength = C / (77e9 + 3.4395e9 / 2)
-    # One transmitter fires every 2 x 64 us. A phase of pi between its chirps is a quarter wavelength of motion.
-    assert RADAR.max_velocity_mps == pytest.approx(wavelength / 4 / 128e-6, rel=1e-4)
-    assert RADAR.velocity_resolution_mps == pytest.approx(wavelength / 2 / (16 * 128e-6), rel=1e-4)
-
-
 def test_virtual_array_is_a_half_wavelength_line_along_y():
-    assert RADAR.tx_positions.shape == (2, 3)
-    assert RADAR.rx_positions.shape == (4, 3)
+    assert (RADAR.tx_positions.shape, RADAR.rx_positions.shape) == ((2, 3), (4, 3))
     line = np.array([t + r for t in RADAR.tx_positions for r in RADAR.rx_positions])
     assert np.all(line[:, [0, 2]] == 0)
-    np.testing.assert_allclose(np.diff(np.sort(line[:, 1])), C / 77e9 / 2, rtol=1e-9)
     assert line.mean() == pytest.approx(0, abs=1e-12)
     np.testing.assert_array_equal(RADAR.virtual_positions, line)
     np.testing.assert_allclose(np.diff(RADAR.rx_positions[:, 1]), C / 77e9 / 2, rtol=1e-9)
@@ -86,8 +77,7 @@ def test_description_round_trips_through_json_and_yaml(tmp_path):
     ],
 )
 def test_invalid_field_is_named_with_the_file(tmp_path, change, field):
-    with pytest.raises(InputError, match=field):
-        dataclasses.replace(RADAR, **change)
+    refused([field], dataclasses.replace, RADAR, error=InputError, **change)
     path = tmp_path / "r.json"
     path.write_text(json.dumps({**RADAR.to_dict(), **change}))
     refused([path.name, field], Radar.from_file, path)
@@ -101,11 +91,9 @@ def test_numpy_numbers_are_accepted():
 def test_unknown_and_missing_fields_are_named_and_the_waveform_may_be():
     values = RADAR.to_dict()
     assert Radar.from_dict({**values, "waveform": "fmcw"}) == RADAR
-    with pytest.raises(InputError, match="colour"):
-        Radar.from_dict({**values, "colour": "red"})
+    refused(["colour"], Radar.from_dict, {**values, "colour": "red"}, error=InputError)
     values.pop("num_chirps")
-    with pytest.raises(InputError, match="num_chirps"):
-        Radar.from_dict(values)
+    refused(["num_chirps"], Radar.from_dict, values, error=InputError)
 
 
 def _direction(azimuth_deg: float, elevation_deg: float) -> list[float]:
@@ -113,10 +101,7 @@ def _direction(azimuth_deg: float, elevation_deg: float) -> list[float]:
     return [float(np.cos(e) * np.cos(a)), float(np.cos(e) * np.sin(a)), float(np.sin(e))]
 
 
-@pytest.mark.parametrize(
-    ("azimuth", "elevation", "loss"),
-    [(28, 0, 3), (-50, 0, 6), (0, 14, 3), (0, -20, 6)],
-)
+@pytest.mark.parametrize(("azimuth", "elevation", "loss"), [(28, 0, 3), (-50, 0, 6), (0, 14, 3), (0, -20, 6)])
 def test_antenna_has_the_published_beamwidths(azimuth, elevation, loss):
     boresight = 20 * np.log10(element_gain("iwr1843", [1.0, 0.0, 0.0]))
     assert boresight == pytest.approx(10.5)
@@ -178,7 +163,5 @@ def test_antenna_radiates_less_power_than_its_input():
 
 
 def test_antenna_refuses_unknown_elements_and_shapes():
-    with pytest.raises(InputError, match="dish"):
-        element_gain("dish", [1.0, 0.0, 0.0])
-    with pytest.raises(InputError, match="shape"):
-        element_gain("iwr1843", [1.0, 0.0])
+    refused(["dish"], element_gain, "dish", [1.0, 0.0, 0.0], error=InputError)
+    refused(["shape"], element_gain, "iwr1843", [1.0, 0.0], error=InputError)

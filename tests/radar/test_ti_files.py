@@ -9,14 +9,16 @@ from radartwin.radar.chirp import Radar
 C = 299_792_458.0
 
 
-def _write(folder, text):
-    path = folder / "radar.cfg"
-    path.write_text(text)
-    return path
+def read(folder, *changes):
+    text = CFG
+    for change in changes:
+        text = text.replace(*change)
+    (folder / "radar.cfg").write_text(text)
+    return Radar.from_file(folder / "radar.cfg")
 
 
 def test_sdk_cfg_is_read_as_the_radar_of_its_values(tmp_path):
-    radar = Radar.from_file(_write(tmp_path, CFG))
+    radar = read(tmp_path)
     assert radar.name == "radar"
     # The first sample is 5 us after the start of a 70 MHz/us ramp.
     assert radar.start_frequency_hz == pytest.approx(77.35e9)
@@ -32,16 +34,14 @@ def test_sdk_cfg_is_read_as_the_radar_of_its_values(tmp_path):
 
 
 def test_receiver_mask_and_firing_order_set_the_array(tmp_path):
-    text = CFG.replace("channelCfg 15 5 0", "channelCfg 6 5 0").replace("0 0 0 0 0 0 0 1", "0 0 0 0 0 0 0 8")
-    text = text.replace("0 0 0 0 0 0 0 8", "0 0 0 0 0 0 0 4").replace("1 1 0 0 0 0 0 4", "1 1 0 0 0 0 0 1")
-    radar = Radar.from_file(_write(tmp_path, text))
+    order = ("0 0 0 0 0 0 0 1", "0 0 0 0 0 0 0 4"), ("1 1 0 0 0 0 0 4", "1 1 0 0 0 0 0 1")
+    radar = read(tmp_path, ("channelCfg 15 5", "channelCfg 6 5"), *order)
     assert radar.num_rx == 2
     assert radar.tx_positions[0, 1] > radar.tx_positions[1, 1]
 
 
 def test_power_backoff_and_real_sampling_are_read(tmp_path):
-    text = CFG.replace("60 0 0 70", "60 6 0 70").replace("adcCfg 2 1", "adcCfg 2 0")
-    radar = Radar.from_file(_write(tmp_path, text))
+    radar = read(tmp_path, ("60 0 0 70", "60 6 0 70"), ("adcCfg 2 1", "adcCfg 2 0"))
     assert radar.transmit_power_dbm == pytest.approx(6.0)
     assert radar.real_sampling
 
@@ -51,8 +51,8 @@ def test_board_follows_from_carrier_and_enabled_transmitters(tmp_path, start_ghz
     """The carrier frequency and the enabled transmitters of a radar file identify the boards IWR6843ISK, IWR1843BOOST and IWR1642BOOST. On
     each board, the outer azimuth transmitters are two wavelengths apart.
     """
-    text = CFG.replace("profileCfg 0 77", f"profileCfg 0 {start_ghz}").replace("channelCfg 15 5", f"channelCfg 15 {tx_mask}")
-    radar = Radar.from_file(_write(tmp_path, text.replace("0 0 0 0 0 4", f"0 0 0 0 0 {tx_mask - 1}")))
+    changes = {"profileCfg 0 77": f"profileCfg 0 {start_ghz}", "channelCfg 15 5": f"channelCfg 15 {tx_mask}"}
+    radar = read(tmp_path, *changes.items(), ("0 0 0 0 0 4", f"0 0 0 0 0 {tx_mask - 1}"))
     assert np.ptp(radar.tx_positions[:, 1]) == pytest.approx(spacing_m, rel=1e-9)
 
 

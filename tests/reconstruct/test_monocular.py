@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from made_files import refused
 
 from radartwin.errors import MissingError, ScanError
 from radartwin.reconstruct.fusion.fusion import fuse
@@ -56,8 +57,7 @@ def test_preprocessor_file_sets_normalisation_and_size(model_folder):
     assert (model.mean, model.std, model.height, model.multiple) == ((0.1, 0.2, 0.3), (1, 1, 1), 70, 14)
     assert model(np.zeros((200, 200, 3), np.uint8)).shape == (70, 70)
     file.write_text("[")
-    with pytest.raises(ScanError, match=r"preprocessor_config\.json: damaged"):
-        DepthModel.load(model_folder)
+    refused(["preprocessor_config.json: damaged"], DepthModel.load, model_folder, error=ScanError)
     file.unlink()
 
 
@@ -87,10 +87,8 @@ def test_estimated_depth_is_fused_and_its_scale_is_reported(lab):
 
 
 def test_relative_and_missing_models_are_refused(tmp_path, model_folder):
-    with pytest.raises(ScanError, match="relative depth, so lengths have no scale"):
-        DepthModel.load(tiny(tmp_path / "relative", "relative"))
-    with pytest.raises(MissingError, match="no such folder of weights"):
-        DepthModel.load(tmp_path / "nowhere")
+    relative = tiny(tmp_path / "relative", "relative")
+    refused(["relative depth, so lengths have no scale"], DepthModel.load, relative, error=ScanError)
+    refused(["no such folder of weights"], DepthModel.load, tmp_path / "nowhere", error=MissingError)
     (tmp_path / "empty").mkdir()
-    with pytest.raises((MissingError, ScanError), match="empty: no"):
-        DepthModel.load(tmp_path / "empty")
+    refused(["empty: no"], DepthModel.load, tmp_path / "empty", error=(MissingError, ScanError))

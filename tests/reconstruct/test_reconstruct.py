@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 from built_rooms import WINDOW, coloured, modelled, saved, scan, shell, truth, with_door
+from made_files import refused
 
 from radartwin.errors import MissingError, OutputError
 from radartwin.reconstruct.build import FACE_SURFACES_FILE, MESH_FILE, ScanOptions, distinct_views, reconstruct, summary
@@ -77,8 +78,7 @@ def test_interrupted_write_leaves_no_scene(tmp_path, monkeypatch):
     monkeypatch.setattr(Scene, "save", interrupted)
     with pytest.raises(KeyboardInterrupt):
         reconstruct(saved(trimesh.creation.box((5, 4, 2.4)), tmp_path), tmp_path / "out")
-    with pytest.raises(MissingError, match=r"manifest\.json"):
-        Scene.load(tmp_path / "out")
+    refused(["manifest.json"], Scene.load, tmp_path / "out", error=MissingError)
     assert not list((tmp_path / "out").glob(".*"))
 
 
@@ -109,8 +109,8 @@ def test_scan_in_the_output_folder_is_refused_and_kept(tmp_path, name):
     (tmp_path / "s" / "sub").mkdir(parents=True)
     path = saved(trimesh.creation.box((5, 4, 2.4)), tmp_path / "s", name)
     content = path.read_bytes()
-    with pytest.raises(OutputError, match=f"s: the folder contains the scan {path}; choose another folder for --out"):
-        reconstruct(path, tmp_path / "s", options=ScanOptions(up="z"))
+    words = [f"s: the folder contains the scan {path}; choose another folder for --out"]
+    refused(words, reconstruct, path, tmp_path / "s", options=ScanOptions(up="z"), error=OutputError)
     assert [file for file in (tmp_path / "s").rglob("*") if file.is_file()] == [path]
     assert path.read_bytes() == content
 
@@ -119,13 +119,11 @@ def test_only_a_scene_that_radartwin_wrote_is_replaced(tmp_path):
     path, out = saved(trimesh.creation.box((5, 4, 2.4)), tmp_path), tmp_path / "out"
     out.mkdir()
     (out / "scan.ply").symlink_to(path)
-    with pytest.raises(OutputError, match="the folder contains the scan"):
-        reconstruct(path, out)
+    refused(["the folder contains the scan"], reconstruct, path, out, error=OutputError)
     (out / "scan.ply").unlink()
     for name in ("scan.ply", "manifest.json", "photos"):
         (out / name).write_text("{}")
-        with pytest.raises(OutputError, match=f"{name}: RadarTwin did not write this file"):
-            reconstruct(path, out)
+        refused([f"{name}: RadarTwin did not write this file"], reconstruct, path, out, error=OutputError)
         assert (out / name).read_text() == "{}"
         (out / name).unlink()
     (out / "notes.txt").write_text("a room")

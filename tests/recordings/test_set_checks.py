@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from made_files import CARD, noise
+from made_files import CARD, edit_json, noise
 
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
@@ -63,16 +62,12 @@ def rewrite(folder: Path, name: str, change: Callable[[np.ndarray], object]) -> 
 
 def silence(frame: int) -> Callable[[np.ndarray], object]:
     """Return the zeros that the capture card writes for a lost packet: 364 complex samples that start within a chirp."""
-
-    def change(iq: np.ndarray) -> None:
-        start = 3 * iq.shape[-1] + 17
-        iq[frame].reshape(-1)[start : start + 364] = 0
-
-    return change
+    return lambda iq: iq[frame].reshape(-1)[3 * iq.shape[-1] + 17 :][:364].fill(0)
 
 
-def dead_receiver(iq: np.ndarray) -> None:
-    iq[:, :, :, 2] = 0
+def linked(name: str) -> Callable[[Path], object]:
+    """Move a file out of the set, and put a link in its place."""
+    return lambda folder: (folder / name).symlink_to((folder / name).rename(folder.parent / "moved"))
 
 
 def scaled(factor: float) -> Callable[[np.ndarray], object]:
@@ -115,18 +110,12 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
         ("recordings/a1: its radar differs from the other recordings: noise_figure_db 12.0 instead of 15.0",),
     ),
     "all zero": (lambda f: rewrite(f, "a1", scaled(0)), ("recordings/a1: all samples are zero",)),
-    "a dead receiver": (lambda f: rewrite(f, "a1", dead_receiver), ("recordings/a1: no samples from tx 0 rx 2, tx 1 rx 2",)),
+    "dead receiver": (lambda f: rewrite(f, "a1", lambda x: x[..., 2, :].fill(0)), ("recordings/a1: no samples from tx 0 rx 2, tx 1 rx 2",)),
     "clipped": (lambda f: rewrite(f, "a1", scaled(10)), ("recordings/a1", "% of the samples are at full scale")),
     "a lost packet": (lambda f: rewrite(f, "a1", silence(2)), ("recordings/a1: 1 of 4 frames", "(frame 2)", "packet delay")),
     "I and Q exchanged": (lambda f: rewrite(f, "a1", filtered), ("recordings/a1: I and Q seem exchanged", "set iq_swapped to true")),
-    "a trajectory that is a link": (
-        lambda f: (f / "trajectories/a3.csv").rename(f.parent / "a3.csv") and (f / "trajectories/a3.csv").symlink_to(f.parent / "a3.csv"),
-        ("recordings/a3:", "trajectories/a3.csv", "outside this folder"),
-    ),
-    "a recording that is a link": (
-        lambda f: (f / "recordings/a1.bin").rename(f.parent / "a1.bin") and (f / "recordings/a1.bin").symlink_to(f.parent / "a1.bin"),
-        ("recordings/a1:", "recordings/a1.bin", "outside this folder"),
-    ),
+    "a trajectory that is a link": (linked("trajectories/a3.csv"), ("recordings/a3:", "trajectories/a3.csv", "outside this folder")),
+    "a recording that is a link": (linked("recordings/a1.bin"), ("recordings/a1:", "recordings/a1.bin", "outside this folder")),
     "no trajectory": (lambda f: (f / "trajectories/a3.csv").unlink(), ("recordings/a3: trajectory a3.csv is not there",)),
     "a trajectory that ends early": (
         lambda f: edit(f / "trajectories/a3.csv", "\n1,1", "\n0.2,1"),
@@ -147,10 +136,7 @@ def test_each_problem_is_found_alone(folder: Path, damage: Callable[[Path], obje
 
 
 def test_harmless_findings_are_notes(folder: Path) -> None:
-    def glint(iq: np.ndarray) -> None:
-        iq[0, 0, 0, 0, 0] = 1.0  # one value of 131072 beyond full scale
-
-    rewrite(folder, "a0", glint)
+    rewrite(folder, "a0", lambda iq: iq[0, 0, 0, 0, :1].fill(1.0))  # one value of 131072 beyond full scale
     noise(RADAR, 9).save(folder / "recordings" / "left")  # a writer was killed before it wrote the row
     report = examine(folder)
     assert report.problems == []
@@ -201,9 +187,6 @@ def test_set_without_recordings_is_a_note(tmp_path: Path) -> None:
 
 
 def test_optional_keys_of_a_recording_may_be_missing(folder: Path) -> None:
-    path = folder / "recordings" / "a0.json"
-    described = json.loads(path.read_text())
-    for key in ("format", "frames", "saturated", "provenance", "sensor_poses", "iq_swapped"):
-        described.pop(key, None)
-    path.write_text(json.dumps(described))
+    keys = ("format", "frames", "saturated", "provenance", "sensor_poses", "iq_swapped")
+    edit_json(folder / "recordings" / "a0.json", **dict.fromkeys(keys, ...))
     assert found(folder) == ""

@@ -40,16 +40,10 @@ def save_frames(frames: Frames, folder: str | Path) -> Path:
     folder = Path(folder)
     make_folder(folder)
     (folder / INDEX).unlink(missing_ok=True)
-    entries = [_save_frame(frame, folder) for frame in frames]
     index = {
-        "format": FORMAT,
-        "version": VERSION,
-        "up": "z",
-        "camera": "x right, y down, z forward",
-        "depth_unit_m": UNIT_M,
-        "scan_of": frames.scan_of,
-        "frames": entries,
-    }
+        "format": FORMAT, "version": VERSION, "up": "z", "camera": "x right, y down, z forward", "depth_unit_m": UNIT_M,
+        "scan_of": frames.scan_of, "frames": [_save_frame(frame, folder) for frame in frames],
+    }  # fmt: skip
     write_atomically(folder / INDEX, json.dumps(index, indent=1) + "\n")
     return folder
 

@@ -78,9 +78,8 @@ class Frames(Sequence[Frame]):
         if len(set(self.names)) < len(self.names):
             raise ScanError(f"{source}: two frames have the same name; give each frame its own name")
         if len(poses) != len(self.names):
-            raise ScanError(
-                f"{source}: {plural(len(self.names), 'frame')} and {plural(len(poses), 'pose')}; give one pose per frame, in the same order"
-            )
+            counts = f"{plural(len(self.names), 'frame')} and {plural(len(poses), 'pose')}"
+            raise ScanError(f"{source}: {counts}; give one pose per frame, in the same order")
         self.poses = check_poses(np.asarray(poses, dtype=np.float64), source, self.names)
 
     @classmethod

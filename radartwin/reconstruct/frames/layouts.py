@@ -180,9 +180,8 @@ def _pose_file(folder: Path, colour_only: bool) -> _Listed:
     colours = _pictures(folder, ("color", "colour", "rgb"))
     counted = colours if colour_only else depths
     if len(counted) != len(rows) or (colours and len(colours) != len(rows)):
-        raise ScanError(
-            f"{folder}: {plural(len(rows), 'pose')}, {len(depths)} depth and {len(colours)} colour pictures; give one of each per frame"
-        )
+        counts = f"{plural(len(rows), 'pose')}, {len(depths)} depth and {len(colours)} colour pictures"
+        raise ScanError(f"{folder}: {counts}; give one of each per frame")
     return [p.stem for p in counted], rows, depths, colours
 
 
@@ -256,7 +255,6 @@ def _upward(poses: np.ndarray, folder: Path) -> str:
     mean = -poses[:, :3, 1].mean(axis=0)
     axis = int(np.argmax(np.abs(mean)))
     if np.abs(mean[axis]) < 0.6:  # upright cameras that look 50 degrees downwards give the cosine 0.64
-        raise ScanError(
-            f"{folder}: the cameras' mean up vector {np.round(mean, 2).tolist()} is near no axis; give --up as one of {', '.join(TO_Z_UP)}"
-        )
+        vector = np.round(mean, 2).tolist()
+        raise ScanError(f"{folder}: the cameras' mean up vector {vector} is near no axis; give --up as one of {', '.join(TO_Z_UP)}")
     return ("" if mean[axis] > 0 else "-") + "xyz"[axis]

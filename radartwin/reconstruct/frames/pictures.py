@@ -70,10 +70,8 @@ def check_depth(paths: Sequence[Path], unit_m: float, source: str, remedy: str =
     median = float(np.median(np.concatenate(seen)))
     if not plausible(median):
         fits = [f"{u:g} ({name}; {median / unit_m * u:.2g} m)" for u, name in UNITS_M.items() if plausible(median / unit_m * u)]
-        raise ScanError(
-            f"{source}: the median depth is {median:.3g} m with {unit_m:g} m per count, which is implausible for a room; "
-            f"the unit is wrong, {remedy} {' or '.join(fits) or 'in metres per count'}"
-        )
+        reason = f"the median depth is {median:.3g} m with {unit_m:g} m per count, which is implausible for a room"
+        raise ScanError(f"{source}: {reason}; the unit is wrong, {remedy} {' or '.join(fits) or 'in metres per count'}")
 
 
 def plausible(median_m: float) -> bool:

@@ -104,10 +104,9 @@ def _check_convention(
     best = min((a for a in agreements.values() if a.better_than(given)), key=lambda a: a.apart_m, default=None)
     if best is not None:
         remedy = f"give --poses {best.name}" if convention else f"correct them in {metadata_file}"
-        raise ScanError(
-            f"{source}: with poses read as {POSE_CONVENTIONS[given.name]}, {_distance(given, scale)}; "
-            f"the poses look like {POSE_CONVENTIONS[best.name]}, with which {_distance(best, scale)}: {remedy}"
-        )
+        read = f"with poses read as {POSE_CONVENTIONS[given.name]}, {_distance(given, scale)}"
+        look = f"the poses look like {POSE_CONVENTIONS[best.name]}, with which {_distance(best, scale)}"
+        raise ScanError(f"{source}: {read}; {look}: {remedy}")
     return given
 
 
@@ -130,10 +129,8 @@ def _check_unit(source: str, chosen: Sequence[Frame], views: list[View], poses: 
     if better:
         smallest = min(a.apart_m for a, _ in better)
         fits = [described(a, u) for a, u in better if a.apart_m < EQUAL_RATIO * smallest]
-        raise ScanError(
-            f"{source}: the depth was read with {described(given, unit_m)}, and fits the poses better with {' or '.join(fits)}; "
-            "give the better unit as --depth-unit"
-        )
+        text = f"the depth was read with {described(given, unit_m)}, and fits the poses better with {' or '.join(fits)}"
+        raise ScanError(f"{source}: {text}; give the better unit as --depth-unit")
     equal = [described(a, u) for a, u in found if a.pairs >= MIN_PAIRS * given.pairs and a.apart_m < EQUAL_RATIO * given.apart_m]
     if equal:
         text = f"the views do not determine the unit of depth: it may be {described(given, unit_m)}, as given, or {' or '.join(equal)}"

@@ -262,10 +262,8 @@ def _bounds(views: Views, done: Callable[[], object]) -> tuple[np.ndarray, np.nd
             used.append(i)
             low, high = np.minimum(low, seen.min(axis=0)), np.maximum(high, seen.max(axis=0))
     if not used:
-        raise ScanError(
-            f"{views.frames.source}: no usable depth within {views.max_range_m:g} m in any of {len(views)} frames; scan from nearer, or "
-            "correct --depth-unit"
-        )
+        reason = f"no usable depth within {views.max_range_m:g} m in any of {len(views)} frames"
+        raise ScanError(f"{views.frames.source}: {reason}; scan from nearer, or correct --depth-unit")
     return low, high, used
 
 

@@ -16,6 +16,7 @@ from radartwin.errors import ScanError
 from radartwin.reconstruct.fusion.volume import SIDE, Volume
 
 PIECE = 8  # number of blocks along the edge of a piece: marching cubes gets 65^3 samples at a time
+CORNERS = tuple(itertools.product((slice(None, -1), slice(1, None)), repeat=3))  # the eight corners of all cubes of an array
 GREY = 128  # colour of vertices that no colour picture shows
 
 
@@ -34,7 +35,10 @@ def extract(volume: Volume, min_weight: float) -> tuple[trimesh.Trimesh, np.ndar
     vertices, faces, count = [], [], 0
     for piece in np.unique(volume.blocks // PIECE, axis=0):
         _gather(volume.slot, volume.sdf, volume.weight, piece * PIECE, values, weights)
-        seen = _whole_cubes(weights >= min_weight)
+        # The mask marks a cube with eight observed corners at its corner with the largest indices, as scikit-image expects.
+        seen = np.zeros_like(weights, dtype=bool)
+        observed = weights >= min_weight
+        seen[1:, 1:, 1:] = np.all([observed[corner] for corner in CORNERS], axis=0)
         near = values[weights > 0]
         if not seen.any() or near.min() > 0 or near.max() < 0:
             continue
@@ -55,14 +59,6 @@ def extract(volume: Volume, min_weight: float) -> tuple[trimesh.Trimesh, np.ndar
     colours, coloured = _colours(cells, volume.slot, volume.colour, volume.colour_weight)
     places = cells * volume.voxel_m + volume.origin
     return trimesh.Trimesh(places, mesh.faces, vertex_colors=colours, process=False), coloured
-
-
-def _whole_cubes(seen: np.ndarray) -> np.ndarray:
-    """Return a mask of the cubes with eight observed corners, at the corner with the largest indices, as scikit-image expects."""
-    whole = np.zeros_like(seen)
-    low, high = slice(None, -1), slice(1, None)
-    whole[1:, 1:, 1:] = np.all([seen[corner] for corner in itertools.product((low, high), repeat=3)], axis=0)
-    return whole
 
 
 @compiled

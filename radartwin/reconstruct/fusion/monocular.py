@@ -69,18 +69,16 @@ class DepthModel:
             raise MissingError(f"{name}: no such folder of weights; give a folder with config.json, or a model name such as owner/model")
         try:
             config = AutoConfig.from_pretrained(str(name))
-            if config.model_type not in METRIC_TYPES and getattr(config, "depth_estimation_type", None) != "metric":
-                reason = f"{config.model_type} gives relative depth, so lengths have no scale"
-                raise ScanError(f"{name}: {reason}; choose a metric model (Depth Anything V2 Metric)")
-            network = AutoModelForDepthEstimation.from_pretrained(str(name), use_safetensors=True).eval()
+            metric = config.model_type in METRIC_TYPES or getattr(config, "depth_estimation_type", None) == "metric"
+            network = AutoModelForDepthEstimation.from_pretrained(str(name), use_safetensors=True).eval() if metric else None
         except OSError as error:
-            raise MissingError(
-                f"{name}: no depth model ({str(error).splitlines()[0]}); check the name, the folder and the network"
-            ) from error
-        except ScanError:
-            raise
+            reason = str(error).splitlines()[0]
+            raise MissingError(f"{name}: no depth model ({reason}); check the name, the folder and the network") from error
         except ValueError as error:
             raise ScanError(f"{name}: not a depth model of transformers ({str(error).splitlines()[0]}); choose another") from error
+        if network is None:
+            reason = f"{config.model_type} gives relative depth, so lengths have no scale"
+            raise ScanError(f"{name}: {reason}; choose a metric model (Depth Anything V2 Metric)")
         backbone = getattr(config, "backbone_config", None) or config
         return cls(network, str(name), **_processing(Path(name)), multiple=int(getattr(backbone, "patch_size", 14) or 14))
 

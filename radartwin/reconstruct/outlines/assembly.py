@@ -4,6 +4,7 @@ colours and provenance.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -121,18 +122,16 @@ def segment_names(mesh: trimesh.Trimesh, segments: Sequence[Segment]) -> list[st
     centre = np.asarray(mesh.triangles_center)[:, 2]
     heights = [float(centre[s.faces].mean()) for s in segments]
     vertical = [0.0 if s.normal is None else float(s.normal[2]) for s in segments]
-    floor = next((k for k in order if vertical[k] > LEVEL), None)
-    if floor is not None:
-        names[floor] = "floor"
-    below = heights[floor] if floor is not None else -np.inf
-    ceiling = next((k for k in order if vertical[k] < -LEVEL and heights[k] > below), None)
-    if ceiling is not None:
+    below = -np.inf
+    if (floor := next((k for k in order if vertical[k] > LEVEL), None)) is not None:
+        names[floor], below = "floor", heights[floor]
+    if (ceiling := next((k for k in order if vertical[k] < -LEVEL and heights[k] > below), None)) is not None:
         names[ceiling] = "ceiling"
-    counts: dict[str, int] = {}
+    counts: Counter[str] = Counter()
     for k, segment in enumerate(segments):
         if not names[k]:
             kind = _kind(segment, vertical[k])
-            counts[kind] = counts.get(kind, 0) + 1
+            counts[kind] += 1
             names[k] = f"{kind}_{counts[kind]}"
     return names
 

@@ -106,7 +106,9 @@ def flattened(
     groups = _groups(faces, segments, touching)
     moved, lifts = list(segments), {}
     for root, k in ((segments[group[0]], k) for group in groups for k in group):
-        lifts[k] = _offset_from(faces, segments[k], root)
+        which = segments[k].faces
+        away = float(np.average(faces.centre[which] @ root.normal - root.offset_m, weights=faces.area[which]))
+        lifts[k] = away if segments[k] is not root and abs(away) > PROUD_M else 0.0
         moved[k] = replace(segments[k], normal=root.normal, offset_m=root.offset_m + lifts[k])
     borders = border_points(mesh, owners(faces, segments))
     room = _Room(faces, moved, bounds, touching, main_rad, points, Sight.of(points, cameras), borders)
@@ -173,14 +175,6 @@ def _in_plane_of(faces: Faces, segment: Segment, larger: Segment) -> bool:
     return bool(abs(centre @ larger.normal - larger.offset_m) < COPLANAR_M)
 
 
-def _offset_from(faces: Faces, segment: Segment, root: Segment) -> float:
-    """Return the offset in metres of a segment from the plane of the largest segment in its group; 0 if the offset may be noise."""
-    if segment is root:
-        return 0.0
-    away = float(np.average(faces.centre[segment.faces] @ root.normal - root.offset_m, weights=faces.area[segment.faces]))
-    return away if abs(away) > PROUD_M else 0.0
-
-
 def _outlined(room: _Room, group: list[int]) -> tuple[list[Flat], Completed]:
     """Outline a group of coplanar segments. Return the polygons of the group, and how its gaps were completed."""
     root = room.segments[group[0]]
@@ -188,8 +182,10 @@ def _outlined(room: _Room, group: list[int]) -> tuple[list[Flat], Completed]:
     limits = bool(room.bounds[group[0]])
     grid, samples = _grid(room, group, limits)
     radius = max(CLOSING_M, 1.5 * grid.cell_m) / grid.cell_m
-    parts = _cells_of_each(grid, samples)
-    whole = masks.closed(np.any([masks.closed(grid.counts(p) > 0, radius) for p in samples.values()], axis=0), radius)
+    counts = np.stack([grid.counts(points) for points in samples.values()])
+    most = counts.argmax(axis=0)  # a shared cell belongs to the segment with most sample points in the cell
+    parts = {k: (counts[n] > 0) & (most == n) for n, k in enumerate(samples)}
+    whole = masks.closed(np.any([masks.closed(count > 0, radius) for count in counts], axis=0), radius)
     walls = [(s.normal, s.offset_m) for k, s in enumerate(room.segments) if room.bounds[k] and k not in group and s.normal is not None]
     possible = within(grid, whole, walls) if limits else np.ones_like(whole)
     frame = spanned(whole, possible, MIN_ROOM_SHARE if limits else MIN_OBJECT_SHARE)
@@ -253,13 +249,6 @@ def _cuts(room: _Room, grid: Grid, group: list[int]) -> list[outline.Cut]:
             if whole or places:
                 cuts.append(outline.meeting_line(grid, normal, offset, None if whole else np.vstack(places)))
     return [cut for cut in cuts if cut is not None]
-
-
-def _cells_of_each(grid: Grid, samples: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
-    """Return a boolean mask of the grid cells of each segment. A shared cell belongs to the segment with most sample points in the cell."""
-    counts = np.stack([grid.counts(points) for points in samples.values()])
-    most = counts.argmax(axis=0)
-    return {k: (counts[n] > 0) & (most == n) for n, k in enumerate(samples)}
 
 
 def _turn(grid: Grid, main_rad: float, points: np.ndarray, limits: bool) -> float:

@@ -114,10 +114,11 @@ def contacts(faces: Faces, segments: Sequence[Segment]) -> list[Contact]:
     out = []
     for (i, j), group in zip(pairs.tolist(), members(which), strict=True):
         n, m, seam_at = segments[i].normal, segments[j].normal, place[group].mean(axis=0)
-        convex = False
-        if n is not None and m is not None and abs(n @ m) < 0.9:
-            convex = bool((centre[j] - seam_at) @ n < 0 and (centre[i] - seam_at) @ m < 0)
-        out.append(Contact(i, j, _length(place[group]), convex, place[group]))
+        crossing = n is not None and m is not None and abs(n @ m) < 0.9
+        convex = bool(crossing and (centre[j] - seam_at) @ n < 0 and (centre[i] - seam_at) @ m < 0)
+        # The length of the line of places follows from the number of cubes of edge CONTACT_M / 4 that contain places.
+        cubes = np.unique(np.floor(place[group] / (CONTACT_M / 4)).astype(np.int64), axis=0)
+        out.append(Contact(i, j, len(cubes) * CONTACT_M / 4, convex, place[group]))
     return sorted(out, key=lambda c: -c.length_m)
 
 
@@ -127,9 +128,3 @@ def owners(faces: Faces, segments: Sequence[Segment]) -> np.ndarray:
     for k, segment in enumerate(segments):
         owner[segment.faces] = k
     return owner
-
-
-def _length(points: np.ndarray) -> float:
-    """Estimate the length in metres of a line of points (N, 3) from the number of cubes of edge CONTACT_M / 4 that contain points."""
-    cells = np.unique(np.floor(points / (CONTACT_M / 4)).astype(np.int64), axis=0)
-    return len(cells) * CONTACT_M / 4
