@@ -213,6 +213,23 @@ def _beyond(polygon: np.ndarray, count: int, middle: Vector, at: Vector) -> floa
 
 
 @innermost
+def _lit_part(faces: Faces, p: int, planes: np.ndarray, bounds: int, aside: float, out: np.ndarray, other: np.ndarray) -> int:
+    """Write the part of face `p` before all planes (bounds, 4), and `aside` metres before the first plane, to `out` (M, 3); returns the
+    number of its corners. other: (M, 3) memory.
+    """
+    one, two, count = out, other, faces.corners[p]
+    copy(faces.outline[p], count, one)
+    for i in range(bounds):
+        count = clip(one, count, vector(planes, i), planes[i, 3] + (aside if i == 0 else 0.0), two)
+        one, two = two, one
+        if count == 0:
+            return 0
+    if bounds % 2:
+        copy(one, count, out)
+    return count
+
+
+@innermost
 def _narrow(
     faces: Faces, chain: np.ndarray, place: Point, front: np.ndarray, one: np.ndarray, two: np.ndarray, out: np.ndarray
 ) -> int:  # fmt: skip
@@ -224,13 +241,9 @@ def _narrow(
     at = place[0], place[1], place[2]
     bounds = beam_planes(faces, -1, at, 0.0, one, 0, front, out)
     for j in range(len(chain)):
-        count = faces.corners[chain[j]]
-        copy(faces.outline[chain[j]], count, one)
-        for i in range(bounds):
-            count = clip(one, count, vector(out, i), out[i, 3], two)
-            one, two = two, one
-            if count == 0:
-                return 0
+        count = _lit_part(faces, chain[j], out, bounds, 0.0, one, two)
+        if count == 0:
+            return 0
         at = mirrored(faces, chain[j], at, 1.0)
         bounds = beam_planes(faces, chain[j], at, 0.0, one, count, front, out)
         if bounds == 0:
@@ -262,14 +275,7 @@ def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, used: 
             height = dot(at, vector(faces.normal, p)) - faces.offset[p]
             if p == last or walls.loudness[p] == 0 or not _within(planes, bounds, vector(walls.centre, p), walls.radius[p]):
                 continue
-            count = faces.corners[p]
-            copy(faces.outline[p], count, one)
-            for i in range(bounds):
-                aside = 1e-6 if i == 0 and m else 0.0
-                count = clip(one, count, vector(planes, i), planes[i, 3] + aside, two)
-                one, two = two, one
-                if count == 0:
-                    break
+            count = _lit_part(faces, p, planes, bounds, 1e-6 if m else 0.0, one, two)
             if count == 0 or twice_area(one, count) < TINY_M2:
                 continue
             middle = middle_of(one, count)
@@ -284,15 +290,7 @@ def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, used: 
             beams.polygon[used, :count], beams.corners[used] = one[:count], count
             lit, met = 0.0, False
             for i in range(places):
-                sees = 0
-                if beams.seen[b, i]:
-                    sees = faces.corners[p]
-                    copy(faces.outline[p], sees, one)
-                    for j in range(sides[i]):
-                        sees = clip(one, sees, vector(views[i], j), views[i, j, 3], two)
-                        one, two = two, one
-                        if sees == 0:
-                            break
+                sees = _lit_part(faces, p, views[i], sides[i], 0.0, one, two) if beams.seen[b, i] else 0
                 beams.seen[used, i] = sees > 0
                 source, centre = cell.places[i], middle_of(one, max(sees, 1))
                 for k in range(2 * sees + 1 if sees and lit < beams.passed[b] else 0):
