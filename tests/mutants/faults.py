@@ -115,6 +115,7 @@ FlatRoom._some | amplitude.conj() | amplitude | the phase of reflections has the
 
 simulation/flat/search: physics/test_flat_rooms
 _joined | chain[b, n - 1 - j] | chain[b, j] | faces after an edge come in the order from the receiver
+_reach | min(max(foot, low + 1e-5), high - 1e-5) | low | the foot of an edge is not tested
 
 simulation/flat/search: simulation/test_cells
 beam_planes | min(radius / max(away, 1e-30), 1.0) | 0.0 | the beams of a cell are those of its centre

@@ -317,6 +317,15 @@ def test_the_point_of_diffraction_has_the_shortest_path():
         assert place == pytest.approx(shortest.x, abs=1e-5)
 
 
+def test_edge_behind_a_slit_echoes_at_its_foot():
+    """A metal box stands behind a slit. The foot of its upper front edge returns its strongest echo."""
+    parts = (("left", (1, -3, -3), (1.05, -0.15, 3)), ("right", (1, 0.15, -3), (1.05, 3, 3)), ("box", (3, -4.2, -1), (3.5, 3, -0.3)))
+    scene = rt.Scene([rt.Surface(objects.box(*corners), "metal", name, role="room") for name, *corners in parts])
+    paths = paths_of(scene, looking((0, 0, 0)), max_bounces=1, diffractions=1)
+    lengths = np.concatenate([part.length_m for part in paths])
+    assert np.abs(lengths - 2 * np.hypot(3, 0.3)).min() < 1e-6
+
+
 def test_strip_turned_by_45_degrees_echoes_at_its_edges():
     """The field is along both edges. Panel images were up to 60 dB below the echoes of a strip that is turned away from the radar."""
     strip = objects.plate(0.3, 4.0).apply_transform(traced.pose([1.0, 0, 0], Rotation.from_euler("z", 45, degrees=True).as_matrix()))

@@ -41,7 +41,7 @@ _TURN = cmath.exp(0.25j * math.pi)
 # Factor on the bound of the waves of two edges, which has no slope terms. With 1, the search loses 3 of 65,000 sequences of the furnished
 # laboratory; with 1.5, it loses none.
 BOUND = 1.5
-WEAK = -1.0  # length of a path whose field is too weak
+WEAK = -1.0  # length, and result of `_edges`, of a path whose field is too weak
 CORNER = 2.0  # successive reflections closer than this, in units of 1/k, are at a corner, where their order is arbitrary
 
 
@@ -485,12 +485,14 @@ def _largest_wave(walls: Walls, e: int, phi0: float, phi: float, sine: float, di
         phi0, phi: angles of source and observer, rad. sine: of the angle between ray and edge.
         distance_m: distance parameter without the square of the sine.
     """
-    n, total = walls.faces.opening[e], 0.0
+    n, total, one, two = walls.faces.opening[e], 0.0, walls.faces.sides[e, 0], walls.faces.sides[e, 1]
+    # the shadow terms of faces that transmit multiply 1 minus the transmission, which can have any phase
+    jump = 1 + walls.through[walls.faces.surface[one]] * (1.0 if one == two else walls.through[walls.faces.surface[two]])
     c, most = 1 / (2 * n * math.sqrt(2 * math.pi * walls.wavenumber) * sine), 0.5 * math.sqrt(distance_m)
     for i in range(4):  # shadow boundaries of faces n and 0, then reflection boundaries of faces n and 0
         sign, beta = (1.0 if i % 2 == 0 else -1.0), (phi - phi0 if i < 2 else phi + phi0)
         tangent = abs(math.tan((math.pi + sign * beta) / (2 * n)))
-        share = 1.0 if i < 2 else walls.envelope[walls.faces.sides[e, 1 - i % 2], 0]
+        share = jump if i < 2 else walls.envelope[two if i == 2 else one, 0]
         total += share * min(c / max(tangent, 1e-12), most)
     return total
 
@@ -699,14 +701,14 @@ def _legs(faces: Faces, edge: np.ndarray, edges: int, wavenumber: float, margin:
 
 @innermost
 def _edges(walls: Walls, edge: np.ndarray, edges: int, margin: float, least: float, path: Work) -> complex:
-    """Write the diffraction matrices and the factors of the slope terms of a path; return its spreading times the weights of its edges.
+    """Write the diffraction matrices and the factors of the slope terms of a path; return its spreading times the shares of its legs.
 
     The function returns 0 if the path has no field, and WEAK if the waves of two edges cannot give a field of `least`.
     """
     faces, wavenumber = walls.faces, walls.wavenumber
     # radii of curvature of the wave: across the previous edge, and in the plane of this edge and the ray
     across, within = path.size[0], path.size[0]
-    factor, largest = 1 / path.size[0], _largest_reflection(walls, 0, path)
+    factor, largest = 1 / path.size[0], _largest_reflection(walls, 0, path) if edges == 2 else 1.0
     for i in range(edges):
         e, line = edge[i], vector(faces.along, edge[i])
         before, after, s = vector(path.arrive, i), vector(path.leave, i + 1), path.size[i + 1]
@@ -735,7 +737,8 @@ def _edges(walls: Walls, edge: np.ndarray, edges: int, margin: float, least: flo
         # distance parameter without the square of the sine
         parameter = s * (rho + s) * across * within / (rho * (across + s) * (within + s))
         path.angles[i, 0], path.angles[i, 1], path.angles[i, 2] = phi0, phi, parameter
-        largest *= _largest_wave(walls, e, phi0, phi, sine, parameter) * _largest_reflection(walls, i + 1, path)
+        if edges == 2:
+            largest *= _largest_wave(walls, e, phi0, phi, sine, parameter) * _largest_reflection(walls, i + 1, path)
         # spreading from the edge to the next point
         factor *= math.sqrt(rho / (s * (rho + s)))
         across, within = s, rho + s

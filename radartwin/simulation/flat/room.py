@@ -33,7 +33,7 @@ COARSE = 4  # number of places of a cell where a path with two diffractions must
 TESTED = np.array([[0.0, 0.0, 0.0], [0.1, 0.5, 0.2], [-0.1, -0.5, -0.2]])
 HEADING_M = 0.8  # a turn of the sensor by one radian counts as this distance between places, because the antenna gain changes
 PAIRS_AT_ONCE = 200_000  # limits the memory of one evaluation
-# Rooms with more edges have paths with at most one diffraction. The search for two takes time with the square of the number of edges: 10 s
+# Rooms with more edges have paths with at most one diffraction. The search for two takes time with the square of the number of edges: 9 s
 # of processor time for a cell in the furnished laboratory, which has 257.
 MAX_EDGES = 1000
 SHORT = 4.0  # length in wavelengths up to which the fields of a linear array are interpolated
@@ -156,9 +156,8 @@ class FlatRoom:
         return centre, np.where(used, away, 0.0).max(axis=1, initial=0.0)
 
     @cached_property
-    def links(self) -> np.ndarray:
-        """Return the pairs of edges that see each other, as `search.links`."""
-        return search.links(self.walls)
+    def _links(self) -> search.Links:
+        return search.Links(self.walls)
 
     def chains(self, places: np.ndarray, longest: int) -> np.ndarray:
         """Return the sequences (K, max(longest, 1)) of at most `longest` faces that a beam of a cell meets, -1 beyond the last.
@@ -327,7 +326,8 @@ class FlatRoom:
             cell = cell._replace(least=self._least(radar, prune) * min(one.max(initial=0.0) for one in levels))
         arrivals, passed = search.reached(self.walls, cell, beams, max_bounces, twice)
         strength = passed * self._strengths(beams, arrivals, places, radar)
-        linked = self.links if twice else np.zeros((0, 3), int)
+        wanted = search.worthwhile(self.walls, cell, arrivals, strength) if twice else None
+        linked = np.zeros((0, 3), int) if wanted is None else self._links.between(wanted)
         edged = search.sequences(self.walls, cell, beams, arrivals, strength, linked, max_bounces)
         return self._strong_near(search.Sequences.joined([closed, edged]), places[0], radar, cell)
 

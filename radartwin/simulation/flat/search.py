@@ -6,11 +6,13 @@ the beam, and the faces beyond it clip the mirrored beam. The search follows a b
 give a path with one diffraction. Two edges that see each other, directly or over one face, give a path with two diffractions.
 
 All geometric tests and bounds hold for the whole ball: the planes that bound a beam touch the ball on its far side, distances are shortened
-by the radius, and edges within reach of a shadow boundary count as lying on it. Only visibility is tested at single places of the cell.
+by the radius, and edges within reach of a shadow boundary count as lying on it. Which edges a beam reaches, and visibility, are tested at
+single places of the cell.
 Which of the sequences exist within a margin around one place, `field.evaluate` tells.
 """
 
 import math
+import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -27,7 +29,7 @@ from radartwin.simulation.flat.obstacles import MAX_PANES, Point, Vector, crosse
 from radartwin.simulation.flat.vectors import cross, distance, dot, moved, norm, toward, vector
 
 SPARE = 16  # a beam can have this many corners more than the outlines of the faces; further corners are left out
-SAMPLES = (0.02, 0.25, 0.5, 0.75, 0.98)  # places along an edge, relative to its length, where its visibility is tested
+SAMPLES = (0.02, 0.25, 0.5, 0.75, 0.98)  # places along the lit part of an edge, relative to its length, where its visibility is tested
 BEAMS_AT_ONCE = 100_000  # number of beams whose sequences are listed at once; limits memory
 FEW = 3  # number of steps to estimate the two points of a double diffraction
 # Smallest ratio of the bound of a double diffraction to its field, as assumed by the search. The actual ratio is at least 8 for almost all
@@ -299,9 +301,8 @@ def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, used: 
                     share = 0.0 if sample < 0 else 0.5 if sample < sees else 0.9
                     x = moved(centre, toward(centre, vector(one, sample % sees), 1.0), share)
                     if reflect_points(faces, source, before, x, points):
-                        through, met = _passed(walls, source, points, m, x, found, least / reflected), True
-                        lit = max(lit, through)
-                        if through > 0:
+                        lit, met = max(lit, _passed(walls, source, points, m, x, found, least / reflected)), True
+                        if lit >= beams.passed[b]:
                             break
             if not met:  # only places between the tested ones see a part of the beam
                 lit = beams.passed[b]
@@ -312,6 +313,13 @@ def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, used: 
             beams.strength[used], beams.passed[used] = reflected * lit, lit
             used += 1
     return used, stop
+
+
+def _longer(values: np.ndarray) -> np.ndarray:
+    """Return a copy of an array with four times its rows. The new rows are not written, so that they take no memory yet."""
+    out = np.empty((4 * len(values), *values.shape[1:]), values.dtype)
+    out[: len(values)] = values
+    return out
 
 
 def beams(walls: Walls, cell: Cell, longest: int) -> Beams:
@@ -328,7 +336,7 @@ def beams(walls: Walls, cell: Cell, longest: int) -> Beams:
         while start < end:
             used, start = _grown(walls, cell, found, start, end, used)
             if start < end:
-                found = Beams(*(np.concatenate([values, np.empty((3 * len(values), *values.shape[1:]), values.dtype)]) for values in found))
+                found = Beams(*map(_longer, found))
     return Beams(*(values[:used] for values in found))
 
 
@@ -394,14 +402,14 @@ def _reach(
                     continue
                 source = cell.places[i]
                 low, high = part_inside(views[i], sides[i], start, along, faces.length[e])
-                for k in range(len(samples) if low < high else 0):
-                    x = edge_point(faces, e, low + samples[(i + k) % len(samples)] * (high - low))
-                    through_panes = 0.0
+                # the foot first, at which a path that returns over the same beam is diffracted
+                for k in range(-1, len(samples) if low < high else -1):
+                    z = min(max(foot, low + 1e-5), high - 1e-5) if k < 0 else low + samples[(i + k) % len(samples)] * (high - low)
+                    x = edge_point(faces, e, z)
                     if reflect_points(faces, source, before, x, points):
-                        through_panes = _passed(walls, source, points, m, x, found, least)
-                    lit = max(lit, through_panes)
-                    if through_panes > 0:
-                        break
+                        lit = max(lit, _passed(walls, source, points, m, x, found, least))
+                        if lit >= beams.passed[b]:
+                            break
                 if lit >= beams.passed[b]:
                     break
             if lit == 0:
@@ -513,17 +521,19 @@ def _crosses(walls: Walls, p: int, start: Vector, end: Vector, reach: float) -> 
 
 
 @compiled
-def _linked(walls: Walls, samples: np.ndarray, piece: int, pieces: int, out: np.ndarray) -> int:
-    """Write (edge, edge, face or -1) of edges that see each other, directly or over a face; returns their number, or -1 if `out` is too
-    short.
+def _linked(walls: Walls, samples: np.ndarray, wanted: np.ndarray, piece: int, pieces: int, out: np.ndarray) -> int:
+    """Write (edge, edge, face or -1) of the `wanted` pairs of edges (E, E) that see each other, directly or over a face; returns their
+    number, or -1 if `out` is too short.
 
-    The first edge is one of piece, piece + pieces, piece + 2 pieces, ...
+    The first edge is one of piece, piece + pieces, piece + 2 pieces, ..., and not after the second edge.
     """
     faces, used, edges = walls.faces, 0, len(walls.faces.length)
     points, chain, found = np.empty((2, 3)), np.empty(1, np.int64), np.empty(MAX_PANES, np.int64)
     for e in range(piece, edges, pieces):
         middle1 = moved(vector(faces.start, e), vector(faces.along, e), 0.5 * faces.length[e])
         for f in range(e, edges):
+            if not wanted[e, f]:
+                continue
             middle2 = moved(vector(faces.start, f), vector(faces.along, f), 0.5 * faces.length[f])
             for p in range(-1, len(faces.offset)):
                 if (p < 0 and e == f) or p in (faces.sides[e, 0], faces.sides[e, 1], faces.sides[f, 0], faces.sides[f, 1]):
@@ -555,9 +565,37 @@ def _linked(walls: Walls, samples: np.ndarray, piece: int, pieces: int, out: np.
     return used
 
 
-def links(walls: Walls) -> np.ndarray:
-    """Return (edge, edge, face or -1) of all edges that see each other, directly or over a face, (L, 3), for any place of the sensor."""
-    return _listed(lambda piece, pieces, out: _linked(walls, np.array(PLACES), piece, pieces, out), 4 * cores())
+class Links:
+    """Hold the pairs of edges that see each other, of the pairs that any search has asked for, for any place of the sensor."""
+
+    def __init__(self, walls: Walls):
+        edges = len(walls.faces.length)
+        self._walls, self._known, self._rows = walls, np.zeros((edges, edges), bool), np.zeros((0, 3), np.int64)
+        self._lock = threading.Lock()
+
+    def between(self, wanted: np.ndarray) -> np.ndarray:
+        """Return (edge, edge, face or -1) of the `wanted` pairs (E, E) that see each other, directly or over a face, and of others."""
+        with self._lock:
+            new = wanted & ~self._known
+            if new.any():
+                found = _listed(lambda piece, pieces, out: _linked(self._walls, np.array(PLACES), new, piece, pieces, out), 4 * cores())
+                self._known, self._rows = self._known | new, np.concatenate([self._rows, found])
+            return self._rows
+
+
+def worthwhile(walls: Walls, cell: Cell, arrivals: np.ndarray, strength: np.ndarray) -> np.ndarray:
+    """Return which pairs of edges (E, E) can give a double diffraction that matters, if they see each other.
+
+    arrivals: (M, 2) edges and the beams that reach them. strength: (M,) their largest field at one metre.
+    """
+    faces, half = walls.faces, walls.faces.length / 2
+    best = np.zeros(len(half))
+    np.maximum.at(best, arrivals[:, 0], strength)
+    middle = faces.start + half[:, None] * faces.along
+    near = np.maximum(np.linalg.norm(middle - cell.places[0], axis=1) - half, 0)
+    apart = np.maximum(np.linalg.norm(middle[:, None] - middle, axis=2) - half[:, None] - half, 0)
+    length = np.maximum(near[:, None] + apart + near - 2 * cell.radius, 0)
+    return (best[:, None] * best > 0) & (BOTH * best[:, None] * best >= BOUND_OF_DOUBLES * cell.least * length)
 
 
 class _Arrivals(NamedTuple):
@@ -801,7 +839,7 @@ def sequences(
 
     Args:
         arrivals: (M, 2) edges and the beams that reach them. strength: (M,) their largest field at one metre.
-        linked: (L, 3) of `links`. longest: largest number of reflections.
+        linked: (L, 3) of `Links`. longest: largest number of reflections.
     """
     falling = np.lexsort((-strength, arrivals[:, 0]))
     arrivals, strength = arrivals[falling], strength[falling]
