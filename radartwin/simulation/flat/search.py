@@ -232,11 +232,11 @@ def _lit_part(faces: Faces, p: int, planes: np.ndarray, bounds: int, aside: floa
 
 
 @innermost
-def _narrow(
+def _place_planes(
     faces: Faces, chain: np.ndarray, place: Point, front: np.ndarray, one: np.ndarray, two: np.ndarray, out: np.ndarray
 ) -> int:  # fmt: skip
-    """Write the planes that bound the beam from one place over the faces of a chain, as `beam_planes`; returns their number, or 0 if the
-    last face is not lit.
+    """Write the planes that bound the beam from one place over the faces of a chain, as `beam_planes`; returns their number. It is 0 if the
+    last face is not lit, and for an empty chain without a plane `front`.
 
     one, two: (M, 3), memory for polygons.
     """
@@ -262,7 +262,7 @@ def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, used: 
     planes, one, two = np.empty((most + 1, 4)), np.empty((most, 3)), np.empty((most, 3))
     points, found = np.empty((beams.chain.shape[1] + 1, 3)), np.empty(MAX_PANES, np.int64)
     places, place, reach = len(cell.places), vector(cell.places, 0), cell.radius
-    views, sides = np.empty((places, most + 1, 4)), np.zeros(places, np.int64)  # the bounds of the beam of each place alone
+    views, counts = np.empty((places, most + 1, 4)), np.zeros(places, np.int64)  # the bounds of the beam of each place alone
     faces_of = np.empty(beams.chain.shape[1], np.int64)
     for b in range(start, stop):
         m, known = beams.order[b], used
@@ -271,7 +271,7 @@ def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, used: 
         last = before[m - 1] if m else -1
         for i in range(places):
             if beams.seen[b, i]:
-                sides[i] = _narrow(faces, before, cell.places[i], cell.front, one, two, views[i])
+                counts[i] = _place_planes(faces, before, cell.places[i], cell.front, one, two, views[i])
         bounds = beam_planes(faces, last, at, reach, beams.polygon[b], beams.corners[b], cell.front, planes)
         for p in range(len(faces.offset)):
             height = dot(at, vector(faces.normal, p)) - faces.offset[p]
@@ -292,7 +292,7 @@ def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, used: 
             beams.polygon[used, :count], beams.corners[used] = one[:count], count
             lit, met = 0.0, False
             for i in range(places):
-                sees = _lit_part(faces, p, views[i], sides[i], 0.0, one, two) if beams.seen[b, i] else 0
+                sees = _lit_part(faces, p, views[i], counts[i], 0.0, one, two) if beams.seen[b, i] else 0
                 beams.seen[used, i] = sees > 0
                 source, centre = cell.places[i], middle_of(one, max(sees, 1))
                 for k in range(2 * sees + 1 if sees and lit < beams.passed[b] else 0):
@@ -356,7 +356,7 @@ def _reach(
     place, reach = vector(cell.places, 0), cell.radius
     most = beams.polygon.shape[1]
     planes, points, one, two = np.empty((most + 1, 4)), np.empty((beams.chain.shape[1] + 1, 3)), np.empty((most, 3)), np.empty((most, 3))
-    views, sides = np.empty((len(cell.places), most + 1, 4)), np.empty(len(cell.places), np.int64)
+    views, counts = np.empty((len(cell.places), most + 1, 4)), np.empty(len(cell.places), np.int64)
     found = np.empty(MAX_PANES, np.int64)
     used = 0
     for b in range(len(beams.order)):
@@ -367,7 +367,7 @@ def _reach(
             continue
         for i in range(len(cell.places)):
             if beams.seen[b, i]:
-                sides[i] = _narrow(faces, before, cell.places[i], cell.front, one, two, views[i])
+                counts[i] = _place_planes(faces, before, cell.places[i], cell.front, one, two, views[i])
         bounds = beam_planes(faces, last, at, reach, beams.polygon[b], beams.corners[b], cell.front, planes)
         for e in range(len(faces.length)):
             if last >= 0 and (faces.sides[e, 0] == last or faces.sides[e, 1] == last):
@@ -401,7 +401,7 @@ def _reach(
                 if not beams.seen[b, i]:
                     continue
                 source = cell.places[i]
-                low, high = part_inside(views[i], sides[i], start, along, faces.length[e])
+                low, high = part_inside(views[i], counts[i], start, along, faces.length[e])
                 # the foot first, at which a path that returns over the same beam is diffracted
                 for k in range(-1, len(samples) if low < high else -1):
                     z = min(max(foot, low + 1e-5), high - 1e-5) if k < 0 else low + samples[(i + k) % len(samples)] * (high - low)
