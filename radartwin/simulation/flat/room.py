@@ -326,8 +326,9 @@ class FlatRoom:
             cell = cell._replace(least=self._least(radar, prune) * min(one.max(initial=0.0) for one in levels))
         arrivals, passed = search.reached(self.walls, cell, beams, max_bounces, twice)
         strength = passed * self._strengths(beams, arrivals, places, radar)
-        wanted = search.worthwhile(self.walls, cell, arrivals, strength) if twice else None
-        linked = np.zeros((0, 3), int) if wanted is None else self._links.between(wanted)
+        linked = np.zeros((0, 3), int)
+        if twice:
+            linked = self._links.between(search.worthwhile(self.walls, cell, arrivals, strength))
         edged = search.sequences(self.walls, cell, beams, arrivals, strength, linked, max_bounces)
         return self._strong_near(search.Sequences.joined([closed, edged]), places[0], radar, cell)
 

@@ -6,9 +6,8 @@ the beam, and the faces beyond it clip the mirrored beam. The search follows a b
 give a path with one diffraction. Two edges that see each other, directly or over one face, give a path with two diffractions.
 
 All geometric tests and bounds hold for the whole ball: the planes that bound a beam touch the ball on its far side, distances are shortened
-by the radius, and edges within reach of a shadow boundary count as lying on it. Which edges a beam reaches, and visibility, are tested at
-single places of the cell.
-Which of the sequences exist within a margin around one place, `field.evaluate` tells.
+by the radius, and edges within reach of a shadow boundary count as lying on it. Only visibility, and which edges a beam reaches, are tested
+at single places of the cell. Which of the sequences exist within a margin around one place, `field.evaluate` tells.
 """
 
 import math
@@ -294,7 +293,7 @@ def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, used: 
             for i in range(places):
                 sees = _lit_part(faces, p, views[i], counts[i], 0.0, one, two) if beams.seen[b, i] else 0
                 beams.seen[used, i] = sees > 0
-                source, centre = cell.places[i], middle_of(one, max(sees, 1))
+                source, centre, known_lit = cell.places[i], middle_of(one, max(sees, 1)), lit
                 for k in range(2 * sees + 1 if sees and lit < beams.passed[b] else 0):
                     # the middle, and two points on the way to each corner, in another order for each place
                     sample = (i + k) % (2 * sees + 1) - 1
@@ -302,7 +301,7 @@ def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, used: 
                     x = moved(centre, toward(centre, vector(one, sample % sees), 1.0), share)
                     if reflect_points(faces, source, before, x, points):
                         lit, met = max(lit, _passed(walls, source, points, m, x, found, least / reflected)), True
-                        if lit >= beams.passed[b]:
+                        if known_lit > 0 or lit >= beams.passed[b]:  # one sample of each place after a lit one
                             break
             if not met:  # only places between the tested ones see a part of the beam
                 lit = beams.passed[b]
@@ -400,15 +399,15 @@ def _reach(
             for i in range(len(cell.places)):
                 if not beams.seen[b, i]:
                     continue
-                source = cell.places[i]
+                source, known = cell.places[i], lit
                 low, high = part_inside(views[i], counts[i], start, along, faces.length[e])
-                # the foot first, at which a path that returns over the same beam is diffracted
-                for k in range(-1, len(samples) if low < high else -1):
+                # the foot first, at which a path that returns over the same beam is diffracted; one sample of each place after a lit one
+                for k in range(0 if known > 0 else -1, len(samples) if low < high else -1):
                     z = min(max(foot, low + 1e-5), high - 1e-5) if k < 0 else low + samples[(i + k) % len(samples)] * (high - low)
                     x = edge_point(faces, e, z)
                     if reflect_points(faces, source, before, x, points):
                         lit = max(lit, _passed(walls, source, points, m, x, found, least))
-                        if lit >= beams.passed[b]:
+                        if known > 0 or lit >= beams.passed[b]:
                             break
                 if lit >= beams.passed[b]:
                     break
