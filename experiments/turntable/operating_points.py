@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DISTANCE_M = 2.0
-DRAWS = {"quick": 3, "paper": 10}  # largest number of measured recordings at each leg, each from another draw of the campaign
 LEGS_M = {"quick": (0.05, 0.07, REFLECTOR_LEG_M, 0.12), "paper": tuple(sorted((*OTHER_LEGS_M, REFLECTOR_LEG_M)))}
 LOBES = {"quick": (True,), "paper": (True, False)}  # with and without the antennas' side and back lobes
 UNSCANNED = {"quick": (0.0, 2.0), "paper": (0.0, 1.0, 2.0, 3.0, 5.0)}  # strengths of the gap `unscanned_echoes`
@@ -134,8 +133,8 @@ def _reflector(leg_m: float) -> str:
 
 
 def _recordings(config: Config, leg_m: float) -> list[tuple[str, Case]]:
-    first, most = Case(_reflector(leg_m), BENCH_ROOM, "turntable", DISTANCE_M), DRAWS[config.profile.name]
-    measured = draws(config.profile.campaign, False)[:most] if config.measured.draw is None else [config.measured.draw]
+    first = Case(_reflector(leg_m), BENCH_ROOM, "turntable", DISTANCE_M)
+    measured = draws(config.profile.campaign, False) if config.measured.draw is None else [config.measured.draw]
     return [*((MEASURED, replace(first, draw=k)) for k in measured), (TWIN, first), (VOID, first)]
 
 
