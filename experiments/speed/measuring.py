@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from experiments.speed.machine import memory_kib
 from experiments.speed.methods import OURS, Method, counted_rays, rays_of
 from experiments.speed.problems import RADAR, Problem
 from radartwin.benchmark import signal_error
@@ -46,7 +47,7 @@ class Peak:
             return None
         total = 0
         for pid in ("self", *map(str, sionna.process_ids())):
-            total += (_status(pid, "VmHWM") or 0) - (self._before.get(pid) or 0)
+            total += (memory_kib("VmHWM", pid) or 0) - (self._before.get(pid) or 0)
         return total / 1024
 
 
@@ -67,15 +68,7 @@ def _reset(pid: str) -> int | None:
         Path(f"/proc/{pid}/clear_refs").write_text("5")
     except OSError:
         return None
-    return _status(pid, "VmRSS")
-
-
-def _status(pid: str, name: str) -> int | None:
-    try:
-        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-    except OSError:
-        return None
-    return next((int(line.split()[1]) for line in lines if line.startswith(name)), None)
+    return memory_kib("VmRSS", pid)
 
 
 class Timed:
