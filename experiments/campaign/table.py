@@ -25,7 +25,7 @@ from experiments.campaign.cases import log as nominal_log
 from experiments.campaign.schedule import RecordingTask
 from experiments.claims import BELOW, NONE, Claim, RowList
 from experiments.scans import virtual_scan
-from experiments.statistics import Estimate, exact, resampled
+from experiments.statistics import exact, ratio
 from radartwin.builders.radar import build_radar
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
@@ -175,8 +175,9 @@ def _add_group(rows: RowList, domain: str, motion: str, some: Sequence[Made]) ->
     wall, core = (1e3 * np.array([sum(getattr(one, name)) for one in some]) for name in ("seconds", "core_seconds"))
     case = _case(LABELS[domain], motion, some)
     claim = FRAME if domain == MEASURED and motion == ALL and rows.config.measured.provider == "testbed" else NONE
-    rows.add(case, "wall time per frame (ms)", _ratio(wall, frames, rows.config), keys, claim)
-    rows.add(case, "core time per frame (ms)", _ratio(core, frames, rows.config), keys)
+    seeds = rows.config.profile.resamples, rows.config.seed
+    rows.add(case, "wall time per frame (ms)", ratio(wall, frames, *seeds), keys, claim)
+    rows.add(case, "core time per frame (ms)", ratio(core, frames, *seeds), keys)
     rows.add(case, "disk (MB)", exact(sum(sum(one.bytes) for one in some) / 1e6, len(some)), keys)
 
 
@@ -271,9 +272,3 @@ def metrics(made: Sequence[Made]) -> dict[str, float]:
     for one in made:
         cost[f"{one.domain}_{one.case.motion}_ms"].append(one)
     return {name: 1e3 * sum(sum(one.seconds) for one in some) / sum(one.frames for one in some) for name, some in cost.items()}
-
-
-def _ratio(above: np.ndarray, below: np.ndarray, config: Config) -> Estimate:
-    """Estimate the ratio sum(above) / sum(below), with a confidence interval from a bootstrap over recordings."""
-    chosen = np.random.default_rng(config.seed).integers(len(above), size=(config.profile.resamples, len(above)))
-    return resampled(float(above.sum() / below.sum()), above[chosen].sum(axis=1) / below[chosen].sum(axis=1), len(above))

@@ -11,6 +11,7 @@ import numpy as np
 from experiments import claims
 from experiments.speed.methods import OURS, Method
 from experiments.stability.sweeps import METHODS, SWEEPS, Sweep
+from experiments.statistics import exact
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, figure
@@ -31,6 +32,7 @@ TABLE = Table(
 )
 
 LIMIT_DB = 3.0
+METRIC = f"values before the error passes {LIMIT_DB:g} dB"
 DOMAIN = "closed forms, series, quadrature, image sources, full-wave fields"
 CLAIM = "the largest safe region of all methods"
 FINITE = "no method crashes or returns a value that is not a number"
@@ -50,11 +52,8 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         rows += sweep_rows(sweep, [(method, next(found)) for method in METHODS])
     broken = sum(math.isnan(float(one)) for row in rows for one in row["errors_db"].split())
     tried = sum(len(row["errors_db"].split()) for row in rows)
-    rows.append({
-        **dict.fromkeys(rows[0], ""), "sweep": "all", "title": "all sweeps", "claim": FINITE, "metric": "evaluations that broke",
-        "paper": None, "value": float(broken), "low": float(broken), "high": float(broken), "n": tried, "domain": DOMAIN,
-        "verdict": claims.limit_kept(not broken),
-    })  # fmt: skip
+    score = claims.score_columns("evaluations that broke", exact(broken, tried), DOMAIN, not broken)
+    rows.append({**dict.fromkeys(rows[0], ""), "sweep": "all", "title": "all sweeps", "claim": FINITE, **score})
     metrics = {f"safe values of {row['sweep']}": row["value"] for row in rows if row["family"] == OURS} | {"broken": float(broken)}
     return Result(TABLE.name, rows, {TABLE.name: lambda: map_of(rows)}, metrics)
 
@@ -95,10 +94,8 @@ def sweep_rows(sweep: Sweep, found: Sequence[tuple[Method, Sequence[float]]]) ->
             "setting": method.setting,
             "values": " ".join(f"{value:g}" for value in sweep.values), "errors_db": " ".join(f"{one:.2f}" for one in errors),
             "safe": safe_words(sweep, count), "fails at": f"{sweep.values[count]:g} {sweep.unit}" if count < len(errors) else "",
-            "why": sweep.why if mine else "", "claim": CLAIM if mine else "", "run_keys": "",
-            "metric": f"values before the error passes {LIMIT_DB:g} dB", "paper": None, "value": float(count), "low": float(count),
-            "high": float(count), "n": len(errors), "domain": DOMAIN,
-            "verdict": claims.limit_kept(count == best > 0 if mine else None),
+            "why": sweep.why if mine else "", "claim": CLAIM if mine else "",
+            **claims.score_columns(METRIC, exact(count, len(errors)), DOMAIN, count == best > 0 if mine else None),
         })  # fmt: skip
     return rows
 
