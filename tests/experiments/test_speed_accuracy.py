@@ -9,6 +9,7 @@ from typing import Any
 
 import miepython
 import numpy as np
+import pandas as pd
 import pytest
 
 from analysis.pages import choosing
@@ -222,13 +223,18 @@ def test_interactive_chart_shows_every_point_on_every_pair_of_axes() -> None:
     assert "this tracer, </script>" not in text
     views = json.loads(re.search(r"const views = (.*);\n", text).group(1))  # type: ignore[union-attr]
     assert set(views) == {f"{cost} {error}" for cost in chart_page.COSTS for error in chart_page.ERRORS}
-    coordinates, axes = views["seconds_frame profile_error_db"]
-    best, tracer, points = zip(coordinates["x"], coordinates["y"], strict=True)
-    assert best == ([0.1, 1.0], [5.0, 1.0])
-    assert tracer == ([1.0, 2.0], [1.0, 5.0])
-    assert points == ([0.1], [5.0])
-    assert axes["xaxis.title.text"] == chart_page.COSTS["seconds_frame"]
-    assert views["seconds_frame feature_error"][0]["y"] == [[], [None, None], [None]]
+
+
+def test_interactive_chart_joins_the_points_of_the_front() -> None:
+    measured_rows = [
+        row for row in rows_of(measured(POINTS, "table", [0.1] * 3, 5.0), measured(OURS, "slow", [2.0] * 3, 5.0)) if not row["claim"]
+    ]
+    drawn = chart_page.figure(pd.DataFrame(measured_rows), "seconds_frame", "profile_error_db")
+    default, slow, table, line = [list(zip(one.x, one.y, strict=True)) for one in drawn.data]
+    assert (default, slow, table) == ([(1.0, 1.0)], [(2.0, 5.0)], [(0.1, 5.0)])
+    assert [point for point in line if np.isfinite(point[1])] == [(0.1, 5.0), (1.0, 1.0)]
+    assert drawn.layout.xaxis.title.text == chart_page.COSTS["seconds_frame"]
+    assert all(len(one.y) == 0 for one in chart_page.figure(pd.DataFrame(measured_rows), "seconds_frame", "feature_error").data)
 
 
 def test_chart_labels_every_named_point() -> None:
