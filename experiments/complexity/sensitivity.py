@@ -22,6 +22,7 @@ from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import Case
 from experiments.campaign.frame import Frame, shared, stored
 from experiments.claims import row
+from experiments.drawing import legend_above
 from experiments.recognition import corner_reflector_calibration
 from experiments.rover import rover_disentangle, rover_fidelity
 from experiments.speed.machine import machine
@@ -245,6 +246,5 @@ def chart(rows: Sequence[dict[str, Any]]) -> Figure:
             )
         axes.set(xscale="log", yscale="log", xlabel=COST, title=motion)
     panels[0][0].set_ylabel("feature error (standard deviations)")
-    handles, labels = panels[0][0].get_legend_handles_labels()
-    drawing.legend(handles, labels, loc="outside upper center", ncols=4)
+    legend_above(drawing, panels[0][0], 4)
     return drawing

@@ -96,17 +96,15 @@ def worst(full: bool) -> Score:
 
 def table(scores: Iterable[Score]) -> str:
     """Return the table of scores as text, with the median and the worst of each column."""
-    rows = [
-        (s.name, s.compared.profile_db, s.compared.error, s.on_track.profile_db, s.on_track.error, s.paths, s.seconds, s.frame_ms)
-        for s in scores
-    ]
-    values = np.array([row[1:] for row in rows])
-    rows += [("median", *np.median(values, axis=0)), ("worst", *values.max(axis=0))]
-    head = f"{'room':22s} profile dB  complex  track dB  complex  paths  seconds  ms/frame"
-    return "\n".join([head, *(
-        f"{name:22s} {db:10.2f} {error:8.3f} {track_db:9.2f} {track_error:8.3f} {paths:6.0f} {seconds:8.2f} {ms:9.1f}"
-        for name, db, error, track_db, track_error, paths, seconds, ms in rows
-    )])  # fmt: skip
+    import pandas as pd
+
+    rows = pd.DataFrame({
+        s.name: {
+            "profile dB": s.compared.profile_db, "complex": s.compared.error, "track dB": s.on_track.profile_db,
+            "track complex": s.on_track.error, "paths": s.paths, "seconds": s.seconds, "ms/frame": s.frame_ms,
+        } for s in scores
+    }).T  # fmt: skip
+    return pd.concat([rows, rows.agg(["median", "max"]).rename({"max": "worst"})]).round(3).to_string()
 
 
 def drawing(shown: Score) -> Figure:
