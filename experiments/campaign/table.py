@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from experiments.campaign import tally, truth
-from experiments.campaign.campaign import Campaign
+from experiments.campaign.campaign import Campaign, make_together
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, TWIN, VOID, Case, planned
 from experiments.campaign.cases import log as nominal_log
 from experiments.campaign.frame import Frame
@@ -76,16 +76,16 @@ def make(campaign: Campaign, progress: Progress) -> Frame:
     import pandas as pd
 
     wanted = campaign.plan()
-    missing = [one for one in wanted if not campaign.holds(*one)]
+    missing = campaign.missing(wanted)
     gaps = truth.gaps_of(campaign.config)
-    counts = [states(domain, case, campaign.log(case, domain).frames, gaps) for domain, case in missing]
+    counts = [states(one.domain, one.case, campaign.log(one.case, one.domain).frames, gaps) for one in missing.values()]
     size = sum(expected_bytes(build_radar(campaign.config.radar), *count) for count in counts)
     frames, traced = (sum(count[k] for count in counts) for k in (0, 1))
     progress.say(
         f"campaign: {plural(len(wanted), 'recording')}, {len(missing)} of them to be simulated: {frames:,} frames from {traced:,} traced "
         f"poses, about {size / 1e9:.2g} GB"
     )
-    campaign.prepare(missing, fresh=True)
+    make_together(missing, campaign.config.jobs, progress, fresh=True)
     made = pd.DataFrame([_made(campaign, domain, case) for domain, case in progress.over(wanted, "recordings")])
     return _with_scans(campaign, made)
 

@@ -116,8 +116,8 @@ def scores(folder: Path, room: str, strength: float, seed: int) -> dict[str, Any
     return {
         "median_mm": 1e3 * near.median_m, "p95_mm": 1e3 * near.p95_m, "coverage": near.coverage,
         "profile_db": profile_error_db(scene, truth, near.move, seen.poses), "missed_flush": score.missed_flush,
-        "boundary_mm": 1e3 * score.boundary_median_m, "boundary_p95_mm": 1e3 * score.boundary_p95_m, "frames": len(frames),
-        "false_panes_m2": float(sum(s.mesh.area for s in panes if s.name not in glass)), "panes_m2": float(sum(s.mesh.area for s in panes)),
+        "boundary_mm": 1e3 * score.boundary_median_m, "boundary_p95_mm": 1e3 * score.boundary_p95_m,
+        "false_panes_m2": float(sum(s.mesh.area for s in panes if s.name not in glass)),
         "surfaces": [dataclasses.asdict(s) for s in score.surfaces], "clear": [dataclasses.asdict(s) for s in score.clear],
     }  # fmt: skip
 
