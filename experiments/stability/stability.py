@@ -132,6 +132,8 @@ def map_of(rows: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def _block(panel: Any, mine: Sequence[Mapping[str, Any]], colours: Any, norm: Any) -> None:
+    from matplotlib.patches import Rectangle
+
     errors = np.array([[float(one) for one in row["errors_db"].split()] for row in mine])
     values = mine[0]["values"].split()
     panel.imshow(np.nan_to_num(errors, nan=40.0), cmap=colours, norm=norm, aspect="auto")
@@ -145,19 +147,12 @@ def _block(panel: Any, mine: Sequence[Mapping[str, Any]], colours: Any, norm: An
         for column, one in enumerate(row):
             text = "40+" if one >= 40 else f"{one:.1f}" if one < 9.95 else f"{one:.0f}"
             panel.text(column, line, text, ha="center", va="center", fontsize=5.3, color="white" if one < 1 or one >= 12 else "black")
-        words = mine[line]["fails at"]
         panel.text(len(row) - 0.42, line, verdict(mine[line]), fontsize=5.8, va="center")
-        if words:
-            first = words.split()[0]
-            panel.add_patch(_frame(values.index(first), line))
+        if words := mine[line]["fails at"]:
+            corner = values.index(words.split()[0]) - 0.48, line - 0.46
+            panel.add_patch(Rectangle(corner, 0.96, 0.92, fill=False, ec="black", lw=0.9))
 
 
 def verdict(row: Mapping[str, Any]) -> str:
     """Return as text the value of the sweep at which a method fails."""
     return "safe throughout" if not row["fails at"] else "never safe" if not row["value"] else f"fails at {row['fails at']}"
-
-
-def _frame(column: int, line: int) -> Any:
-    from matplotlib.patches import Rectangle
-
-    return Rectangle((column - 0.48, line - 0.46), 0.96, 0.92, fill=False, ec="black", lw=0.9)
