@@ -104,7 +104,7 @@ def row(system: str) -> dict[str, Any]:
     return {
         "method": system, **cells, "sources": "; ".join(source(system, axis) for axis in AXES),
         "checked here": "; ".join(notes), **claims.score_columns(
-            "share of checked cells that are as the paper says", exact(np.mean(agree) if agree else np.nan, len(agree)),
+            "share of checked cells that are as the paper says", exact(float(np.mean(agree)) if agree else np.nan, len(agree)),
             DOMAINS.get(system, "capability check") if agree else "paper", all(agree),
         ), "paper": f"{sum(cells[axis].startswith('yes') for axis in TICKS)} of {len(TICKS)} marks",
     }  # fmt: skip

@@ -293,7 +293,7 @@ def reconstruction() -> dict[str, float]:
     area = sum(float(piece.area) for piece in pieces)
     edge = 1.5 * float(np.sqrt(4 / np.sqrt(3) * area / SCAN_FACES))  # the split edges are between half the allowed length and that length
     rng = np.random.default_rng(0)
-    fine = [trimesh.Trimesh(one.vertices, one.faces, process=False).subdivide_to_size(edge, max_iter=20) for one in pieces]
+    fine: list[Any] = [trimesh.Trimesh(one.vertices, one.faces, process=False).subdivide_to_size(edge, max_iter=20) for one in pieces]
     colours = [np.tile(np.random.default_rng([0, k]).integers(60, 220, 3), (len(one.vertices), 1)) for k, one in enumerate(fine)]
     whole: Any = trimesh.util.concatenate(fine)
     shade = np.clip(np.vstack(colours) + rng.normal(0, 5, (len(whole.vertices), 3)), 0, 255).astype(np.uint8)

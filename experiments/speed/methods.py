@@ -151,10 +151,9 @@ def counted_rays() -> Iterator[list[int]]:
     def counted(launch: Callable[..., Any]) -> Callable[..., Any]:
         def call(*arguments: Any, **options: Any) -> Any:
             made = launch(*arguments, **options)
-            one = made is None or isinstance(made, tube_grid.TubeGrid)
-            grids = [made] if one else list(made)
-            counts.extend(grid.per_pose * grid.poses for grid in grids if grid is not None)
-            return made if one else grids
+            grids = [made] if isinstance(made, tube_grid.TubeGrid) else list(made or [])
+            counts.extend(one.per_pose * one.poses for one in grids)
+            return made if isinstance(made, tube_grid.TubeGrid) or made is None else grids
 
         return call
 
