@@ -175,6 +175,18 @@ def told(keys: Iterable[str]) -> str:
     return f"{len(unique)} recordings {spec_digest(unique)[:8]}"
 
 
+def score_columns(metric: str, found: Estimate, domain: str, kept: bool | None = None, keys: Iterable[str] = ()) -> dict[str, Any]:
+    """Return the last columns of a row of an engineering table, with the verdict on its limit: kept, not kept, or None for no limit.
+
+    A value or end of an interval that is not finite becomes None, and then has no verdict.
+    """
+    value, low, high = map(_finite, (found.value, found.low, found.high))
+    return {
+        "run_keys": told(keys), "metric": metric, "paper": None, "value": value, "low": low, "high": high, "n": found.n, "domain": domain,
+        "verdict": limit_kept(None if value is None else kept),
+    }  # fmt: skip
+
+
 class RowList(list[Row]):
     """The list of the rows of one results table, with methods that append a row."""
 

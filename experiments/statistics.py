@@ -293,6 +293,26 @@ def resampled(value: float, drawn: ArrayLike, n: int, limits: tuple[float, float
     return Estimate(value, *_interval(drawn, value), n, limits=limits, drawn=drawn)
 
 
+def bootstrap(estimate: Callable[..., Any], resamples: int, seed: int, *samples: NDArray) -> Estimate:
+    """Return estimate(*samples), a reduction along the last axis, with the interval of a bootstrap over the items of all samples (items,).
+
+    >>> bootstrap(partial(np.median, axis=-1), 100, 0, np.array([1.0, 3.0, 4.0])).value
+    3.0
+    """
+    count = len(samples[0])
+    chosen = np.random.default_rng(seed).integers(count, size=(resamples, count))
+    return resampled(float(estimate(*samples)), estimate(*(some[chosen] for some in samples)), count)
+
+
+def ratio(above: NDArray, below: NDArray, resamples: int, seed: int) -> Estimate:
+    """Return sum(above) / sum(below) over the items, with the interval of a bootstrap over items.
+
+    >>> ratio(np.array([1.0, 3.0]), np.array([1.0, 1.0]), 100, 0).value
+    2.0
+    """
+    return bootstrap(lambda one, other: one.sum(axis=-1) / other.sum(axis=-1), resamples, seed, above, below)
+
+
 def rank_correlation(first: ArrayLike, second: ArrayLike) -> float:
     """Return Spearman's rank correlation. Raises InputError for fewer than three items, or if all values of one input are equal."""
     from scipy.stats import rankdata

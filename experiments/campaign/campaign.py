@@ -102,11 +102,6 @@ class Campaign:
         spec, make, roots = self._clean(domain, case, materials)
         return self.store.fetch(CLEAN, spec, roots, lambda folder: _save(make, folder))
 
-    def holds(self, domain: str, case: Case) -> bool:
-        """Return whether the store holds the recording of this case before receiver effects."""
-        spec, _, roots = self._clean(domain, case, None)
-        return self.store.holds(CLEAN, spec, roots)
-
     def prepare(self, wanted: Iterable[tuple[str, Case]], materials: Materials = None, fresh: bool = False) -> None:
         """Simulate the missing recordings among the (domain, case) pairs in config.jobs workers; `fresh` starts new workers."""
         make_together(self.missing(wanted, materials), self.config.jobs, self.progress, fresh)

@@ -12,20 +12,20 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any
 
 import numpy as np
 
 from experiments.campaign import tally, truth
-from experiments.campaign.campaign import Campaign
+from experiments.campaign.campaign import Campaign, make_together
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, TWIN, VOID, Case, planned
 from experiments.campaign.cases import log as nominal_log
+from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
 from experiments.claims import BELOW, NONE, Claim, RowList
 from experiments.scans import virtual_scan
-from experiments.statistics import Estimate, exact, resampled
+from experiments.statistics import exact, ratio
 from radartwin.builders.radar import build_radar
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
@@ -58,25 +58,10 @@ MINUTES = Claim("the paper's campaign is made within 60 minutes", bound=60.0, di
 ALL_MINUTES = Claim("all draws of the paper's campaign are made within 90 minutes", bound=90.0, direction=BELOW, least=1, limit=True)
 
 
-@dataclass(frozen=True)
-class Made:
-    """Run time and disk space of one recording."""
-
-    domain: str
-    case: Case
-    keys: tuple[str, ...]  # store keys of the clean and the processed recording
-    seconds: tuple[float, float]  # wall time of the clean and the processed recording
-    core_seconds: tuple[float, float]  # core time of the clean and the processed recording
-    bytes: tuple[int, int]  # size of the clean and the processed recording in the store
-    frames: int
-    traced: int  # number of traced states
-    setups: int  # number of tracks and rooms that were set up for this recording; 0 if it reused cached set-ups
-
-
 def run(config: Config, store: Store, progress: Progress) -> Result:
     """Simulate the missing recordings and tabulate run time and disk space of all. Raises UserError if a recording cannot be simulated."""
     made = make(Campaign(config, store, progress), progress)
-    return Result(TABLE.name, rows(config, made), {}, metrics(made), [key for one in made for key in one.keys])
+    return Result(TABLE.name, rows(config, made), {}, metrics(made), made[["key", "processed_key"]].to_numpy().ravel().tolist())
 
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
@@ -84,57 +69,56 @@ def recordings(config: Config, store: Store, progress: Progress) -> dict[str, Re
     return campaign.missing(campaign.plan())
 
 
-def make(campaign: Campaign, progress: Progress) -> list[Made]:
-    """Simulate the missing recordings of the campaign. Returns the run times and sizes of all recordings in the order of
+def make(campaign: Campaign, progress: Progress) -> Frame:
+    """Simulate the missing recordings of the campaign, and return the columns of `_made` of all recordings in the order of
     `Campaign.plan`.
     """
+    import pandas as pd
+
     wanted = campaign.plan()
-    missing = [one for one in wanted if not campaign.holds(*one)]
+    missing = campaign.missing(wanted)
     gaps = truth.gaps_of(campaign.config)
-    counts = [states(domain, case, campaign.log(case, domain).frames, gaps) for domain, case in missing]
+    counts = [states(one.domain, one.case, campaign.log(one.case, one.domain).frames, gaps) for one in missing.values()]
     size = sum(expected_bytes(build_radar(campaign.config.radar), *count) for count in counts)
     frames, traced = (sum(count[k] for count in counts) for k in (0, 1))
     progress.say(
         f"campaign: {plural(len(wanted), 'recording')}, {len(missing)} of them to be simulated: {frames:,} frames from {traced:,} traced "
         f"poses, about {size / 1e9:.2g} GB"
     )
-    campaign.prepare(missing, fresh=True)
-    made = [_made(campaign, domain, case) for domain, case in progress.over(wanted, "recordings")]
+    make_together(missing, campaign.config.jobs, progress, fresh=True)
+    made = pd.DataFrame([_made(campaign, domain, case) for domain, case in progress.over(wanted, "recordings")])
     return _with_scans(campaign, made)
 
 
-def _made(campaign: Campaign, domain: str, case: Case) -> Made:
-    clean = campaign.clean(domain, case)
-    processed = campaign.process(domain, case)
-    first, second = clean.read_json("meta"), processed.read_json("meta")
-    counts = first["told"]
-    seconds, core_seconds = ((float(first[name]), float(second[name])) for name in ("seconds", "core_seconds"))
-    return Made(
-        domain, case, (clean.key, processed.key), seconds, core_seconds, (_size(clean), _size(processed)),
-        counts["frames"], counts["traced"], counts.get(tally.SETUPS, 0),
-    )  # fmt: skip
+def _made(campaign: Campaign, domain: str, case: Case) -> dict[str, Any]:
+    """Return run time and disk space of one recording, clean and processed: wall times in seconds, core time of both in seconds, and their
+    size in the store. `set_ups` counts the tracks and rooms that were set up for this recording; 0 if it reused cached set-ups.
+    """
+    clean, processed = products = campaign.clean(domain, case), campaign.process(domain, case)
+    first, second = (product.read_json("meta") for product in products)
+    counts, (began_s, ended_s) = first["told"], _span_s(first)
+    return {
+        "domain": domain, "motion": case.motion, "room": case.room, "draw": case.draw, "key": clean.key, "processed_key": processed.key,
+        "clean_s": float(first["seconds"]), "processing_s": float(second["seconds"]),
+        "core_s": float(first["core_seconds"]) + float(second["core_seconds"]), "bytes": sum(map(_size, products)),
+        "began_s": began_s, "ended_s": ended_s,
+        "frames": counts["frames"], "traced": counts["traced"], "set_ups": counts.get(tally.SETUPS, 0),
+    }  # fmt: skip
 
 
-def _with_scans(campaign: Campaign, made: list[Made]) -> list[Made]:
+def _with_scans(campaign: Campaign, made: Frame) -> Frame:
     """Add the run time of each room's phone scan to the first recording simulated in that room, if the scan was simulated separately."""
-    out, config, store = list(made), campaign.config, campaign.store
-    strength = config.measured.gap.geometry
+    config, store, strength = campaign.config, campaign.store, campaign.config.measured.gap.geometry
     if config.materials.source == VOID:
-        return out  # no scan
-    for room in dict.fromkeys(one.case.room for one in made if one.domain == TWIN):
+        return made  # no scan
+    for room, some in made[made.domain == TWIN].groupby("room", sort=False):
         if not store.holds(virtual_scan.KIND, virtual_scan.specification(config, room, strength), virtual_scan.ROOTS):
             continue  # no scan
-        ours = [k for k, one in enumerate(made) if one.domain == TWIN and one.case.room == room]
         scan = virtual_scan.fetch(config, store, room, strength).read_json("meta")
         began, ended = _span_s(scan)
-        spans = [_span_s(campaign.clean(made[k].domain, made[k].case).read_json("meta")) for k in ours]
-        if not any(low - ROUNDED_S <= began and ended <= high + ROUNDED_S for low, high in spans):
-            first = out[ours[0]]
-            seconds, core_seconds = first.seconds[0] + float(scan["seconds"]), first.core_seconds[0] + float(scan["core_seconds"])
-            out[ours[0]] = replace(
-                first, seconds=(seconds, first.seconds[1]), core_seconds=(core_seconds, first.core_seconds[1]), setups=first.setups + 1
-            )
-    return out
+        if not ((some.began_s - ROUNDED_S <= began) & (ended <= some.ended_s + ROUNDED_S)).any():
+            made.loc[some.index[0], ["clean_s", "core_s", "set_ups"]] += [float(scan["seconds"]), float(scan["core_seconds"]), 1]
+    return made
 
 
 def _span_s(meta: dict[str, Any]) -> tuple[float, float]:
@@ -147,40 +131,35 @@ def _size(product: Product) -> int:
     return sum(path.stat().st_size for path in product.path.rglob("*") if path.is_file())
 
 
-def rows(config: Config, made: Sequence[Made]) -> RowList:
+def rows(config: Config, made: Frame) -> RowList:
     """Build the table rows: one group per domain and motion, one per domain, and one for the paper's campaign."""
     out = RowList(config)
     for domain in COMPARED:
-        own = [one for one in made if one.domain == domain]
-        for motion in dict.fromkeys(one.case.motion for one in own):
-            _add_group(out, domain, motion, [one for one in own if one.case.motion == motion])
-        if own:
+        own = made[made.domain == domain]
+        for motion, some in own.groupby("motion", sort=False):
+            _add_group(out, domain, motion, some)
+        if len(own):
             _add_group(out, domain, ALL, own)
     if config.measured.provider == "testbed":
         _add_paper(out, made)
     return out
 
 
-def _case(of: str, motion: str, some: Sequence[Made]) -> dict[str, Any]:
-    return {
-        "of": of, "motion": motion, "recordings": len(some), "frames": sum(one.frames for one in some),
-        "traced": sum(one.traced for one in some), "set_ups": sum(one.setups for one in some),
-    }  # fmt: skip
+def _case(of: str, motion: str, some: Frame) -> dict[str, Any]:
+    return {"of": of, "motion": motion, "recordings": len(some)} | some[["frames", "traced", "set_ups"]].sum().astype(int).to_dict()
 
 
-def _add_group(rows: RowList, domain: str, motion: str, some: Sequence[Made]) -> None:
+def _add_group(rows: RowList, domain: str, motion: str, some: Frame) -> None:
     """Add rows with the time per frame and the disk space of the recordings of one domain and motion."""
-    keys = [one.keys[0] for one in some]
-    frames = np.array([one.frames for one in some], float)
-    wall, core = (1e3 * np.array([sum(getattr(one, name)) for one in some]) for name in ("seconds", "core_seconds"))
-    case = _case(LABELS[domain], motion, some)
-    claim = FRAME if domain == MEASURED and motion == ALL and rows.config.measured.provider == "testbed" else NONE
-    rows.add(case, "wall time per frame (ms)", _ratio(wall, frames, rows.config), keys, claim)
-    rows.add(case, "core time per frame (ms)", _ratio(core, frames, rows.config), keys)
-    rows.add(case, "disk (MB)", exact(sum(sum(one.bytes) for one in some) / 1e6, len(some)), keys)
+    keys, case, config = list(some.key), _case(LABELS[domain], motion, some), rows.config
+    claim = FRAME if domain == MEASURED and motion == ALL and config.measured.provider == "testbed" else NONE
+    for kind, seconds, own in (("wall", some.clean_s + some.processing_s, claim), ("core", some.core_s, NONE)):
+        found = ratio(1e3 * seconds.to_numpy(), some.frames.to_numpy(float), config.profile.resamples, config.seed)
+        rows.add(case, f"{kind} time per frame (ms)", found, keys, own)
+    rows.add(case, "disk (MB)", exact(some.bytes.sum() / 1e6, len(some)), keys)
 
 
-def _add_paper(rows: RowList, made: Sequence[Made]) -> None:
+def _add_paper(rows: RowList, made: Frame) -> None:
     """Add rows with run time and disk space of the paper's campaign, for one draw and for all draws of the paper profile.
 
     With profile=paper the run time and disk space are measured. With any other profile they are extrapolated, provided that every motion
@@ -189,28 +168,26 @@ def _add_paper(rows: RowList, made: Sequence[Made]) -> None:
     config, paper = rows.config, compose(["profile=paper"]).profile.campaign
     cases = [(domain, case) for domain in COMPARED for case in planned(paper, domain == MEASURED)]
     count = workers.worker_count(config.jobs, len(cases))
-    keys, case = [one.keys[0] for one in made], _case("both", ALL, made)
+    keys, case = list(made.key), _case("both", ALL, made)
     own = config.profile.campaign == paper
     label = f"{count} at once" + ("" if own else ", extrapolated")
     for draws, minutes, disk in (("one draw", MINUTES, DISK), ("all draws", ALL_MINUTES, NONE)):
         wanted = [(domain, one) for domain, one in cases if draws == "all draws" or not one.draw]
         if own:
-            some = [one for one in made if (one.domain, one.case) in set(wanted)]
-            seconds, size = sum(sum(one.seconds) for one in some), sum(sum(one.bytes) for one in some)
+            some = made if draws == "all draws" else made[made.draw == 0]
+            seconds, size = (some.clean_s + some.processing_s).sum(), some.bytes.sum()
         else:
             seconds, size = _expected(config, paper, wanted, made)
         rows.add(case, f"time of the paper's campaign, {draws}, {label} (min)", exact(seconds / 60 / count, len(made)), keys, minutes)
         rows.add(case, f"disk of the paper's campaign, {draws}, {label} (GB)", exact(size / 1e9, len(made)), keys, disk)
 
 
-def _expected(config: Config, paper: CampaignConfig, wanted: Sequence[tuple[str, Case]], made: Sequence[Made]) -> tuple[float, float]:
+def _expected(config: Config, paper: CampaignConfig, wanted: Sequence[tuple[str, Case]], made: Frame) -> tuple[float, float]:
     """Extrapolate run time and disk space of the recordings `wanted` of the campaign `paper` from the timed recordings `made`.
 
     Returns (seconds in one process, bytes). Both values are NaN if a motion has no timed recording.
     """
-    recorded: dict[tuple[str, str], list[Made]] = defaultdict(list)
-    for one in made:
-        recorded[one.domain, one.case.motion].append(one)
+    recorded = dict(list(made.groupby(["domain", "motion"])))
     groups: dict[tuple[str, str], list[Case]] = defaultdict(list)
     for domain, case in wanted:
         groups[domain, case.motion].append(case)
@@ -219,30 +196,23 @@ def _expected(config: Config, paper: CampaignConfig, wanted: Sequence[tuple[str,
     radar = build_radar(config.radar)
     seconds, size = 0.0, 0.0
     for group, cases in groups.items():
-        counts = _states(group[0], cases, paper)
+        lengths = [nominal_log(case, paper, measured=group[0] == MEASURED).frames for case in cases]
+        counts = [states(group[0], case, frames, Gaps()) for case, frames in zip(cases, lengths, strict=True)]
         seconds += extrapolated(recorded[group], counts, len({(case.room, case.draw) for case in cases}))
         size += sum(expected_bytes(radar, *one) for one in counts)
     return seconds, size
 
 
-def _states(domain: str, cases: Sequence[Case], campaign: CampaignConfig) -> list[tuple[int, int]]:
-    """Return (number of frames, number of ray-traced states of the scene) of each planned recording (see `states`)."""
-    lengths = [nominal_log(case, campaign, measured=domain == MEASURED).frames for case in cases]
-    return [states(domain, case, length, Gaps()) for case, length in zip(cases, lengths, strict=True)]
-
-
-def extrapolated(some: Sequence[Made], counts: Sequence[tuple[int, int]], rooms: int) -> float:
+def extrapolated(some: Frame, counts: Sequence[tuple[int, int]], rooms: int) -> float:
     """Extrapolate the run time in seconds of recordings with these (frames, traced states) from the timed recordings `some` of the
     same kind.
     """
     frames, traced = np.sum(counts, axis=0)
-    without = [one for one in some if not one.setups]
-    plain = without or some
-    each_state = sum(one.seconds[0] for one in plain) / sum(one.traced for one in plain)
-    setups = [one.seconds[0] - each_state * one.traced for one in some if one.setups]
-    seconds = each_state * traced + (rooms * float(np.mean(setups)) if without and setups else 0.0)
-    read = sum(one.frames for one in some)
-    return seconds + sum(one.seconds[1] for one in some) / read * frames
+    without, setting_up = some[some.set_ups == 0], some[some.set_ups > 0]
+    plain = without if len(without) else some
+    each_state = plain.clean_s.sum() / plain.traced.sum()
+    setup_s = (setting_up.clean_s - each_state * setting_up.traced).mean() if len(without) and len(setting_up) else 0.0
+    return float(each_state * traced + rooms * setup_s + some.processing_s.sum() / some.frames.sum() * frames)
 
 
 def states(domain: str, case: Case, frames: int, gaps: Gaps) -> tuple[int, int]:
@@ -265,15 +235,8 @@ def expected_bytes(radar: Radar, frames: int, traced: int) -> int:
     return (8 * chirp * traced if traced < frames else 4 * chirp * radar.num_chirps * frames) + read * frames
 
 
-def metrics(made: Sequence[Made]) -> dict[str, float]:
+def metrics(made: Frame) -> dict[str, float]:
     """Return the run time per frame in milliseconds for each domain and motion."""
-    cost: dict[str, list[Made]] = defaultdict(list)
-    for one in made:
-        cost[f"{one.domain}_{one.case.motion}_ms"].append(one)
-    return {name: 1e3 * sum(sum(one.seconds) for one in some) / sum(one.frames for one in some) for name, some in cost.items()}
-
-
-def _ratio(above: np.ndarray, below: np.ndarray, config: Config) -> Estimate:
-    """Estimate the ratio sum(above) / sum(below), with a confidence interval from a bootstrap over recordings."""
-    chosen = np.random.default_rng(config.seed).integers(len(above), size=(config.profile.resamples, len(above)))
-    return resampled(float(above.sum() / below.sum()), above[chosen].sum(axis=1) / below[chosen].sum(axis=1), len(above))
+    cost = made.groupby(["domain", "motion"], sort=False)[["clean_s", "processing_s", "frames"]].sum()
+    each = 1e3 * (cost.clean_s + cost.processing_s) / cost.frames
+    return {f"{domain}_{motion}_ms": value for (domain, motion), value in each.to_dict().items()}

@@ -122,7 +122,7 @@ class Asked:
     limits: Limits  # repeatability limits of the features
     probe_of: ProbeOf
 
-    def error(self, model: Model, between: bool = False, finest: Model = FINEST) -> tuple[float, str]:
+    def error(self, model: Model, between: bool = False) -> tuple[float, str]:
         """Return (error, name) of the feature with the largest difference from the finest model.
 
         The error of a feature is its difference from the finest model divided by its repeatability limit (the difference that occurs
@@ -130,7 +130,7 @@ class Asked:
         """
         kept = self.between if between else self.kept
         names, values = kept.features(model)
-        return self.limits.moved(names, values, kept.features(finest)[1])
+        return self.limits.moved(names, values, kept.features(FINEST)[1])
 
 
 def identity() -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from experiments.campaign.cases import Case
 from experiments.claims import BELOW, NONE, Claim, row
 from experiments.complexity import timing
-from experiments.statistics import Estimate, exact, resampled
+from experiments.statistics import Estimate, bootstrap, exact
 from radartwin.adaptive.choice import Choice
 from radartwin.adaptive.model import LADDER, Model
 from radartwin.config.config import Config
@@ -117,8 +118,7 @@ def _why(choice: Choice) -> str:
 
 def _median(values: Sequence[float], config: Config) -> Estimate:
     """Return the median over cases with its 95 % confidence interval from a bootstrap over cases."""
-    drawn = np.median(np.random.default_rng(config.seed).choice(values, (config.profile.resamples, len(values))), axis=1)
-    return resampled(float(np.median(values)), drawn, len(values))
+    return bootstrap(partial(np.median, axis=-1), config.profile.resamples, config.seed, np.array(values))
 
 
 def _row(config: Config, case: Mapping[str, Any], metric: str, found: Estimate, claim: Claim = NONE) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import Case
 from experiments.campaign.frame import Frame, shared, stored
 from experiments.claims import row
+from experiments.drawing import legend_above
 from experiments.recognition import corner_reflector_calibration
 from experiments.rover import rover_disentangle, rover_fidelity
 from experiments.speed.machine import machine
@@ -89,13 +90,9 @@ SETTINGS = (
 
 @dataclass(frozen=True, eq=False)
 class Twin:
-    """The simulated recordings under one setting: features, run times and fidelity results."""
+    """The simulated recordings under one setting, and the results of the fidelity tables."""
 
-    values: dict[str, np.ndarray]  # {motion: (recordings, features)}
-    keys: dict[str, list[str]]  # {motion: keys of the recordings}
-    frame_s: dict[str, np.ndarray]  # {motion: (recordings,) core seconds per frame}
-    setups: dict[str, np.ndarray]  # {motion: (recordings,) number of set-ups that each recording computed}
-    frames: dict[str, int]  # {motion: number of frames of one recording}
+    recordings: Frame  # a row per recording: motion, key, features (array), core seconds `frame_s` per frame, `setups` computed, `frames`
     figures: dict[tuple[str, str], tuple[float, list[str]]]  # {(table, metric): (value, keys of the recordings)} of the fidelity tables
 
 
@@ -129,8 +126,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         twins[setting.name] = read(Campaign(changed, store, progress), changed, progress)
     rows = table(config, twins)
     metrics = {f"feature_error_{r['motion']}_{r['setting'].replace(' ', '_')}": r["value"] for r in rows if r["metric"] == ERROR}
-    keys = {key for twin in twins.values() for some in twin.keys.values() for key in some}
-    keys |= {key for twin in twins.values() for _, some in twin.figures.values() for key in some}
+    keys = {key for twin in twins.values() for some in [twin.recordings.key, *(of for _, of in twin.figures.values())] for key in some}
     return Result(TABLE.name, rows, {"sensitivity": lambda: chart(rows)}, metrics, sorted(keys))
 
 
@@ -142,15 +138,13 @@ def configured(config: Config, setting: Setting) -> Config:
 
 def read(campaign: Campaign, config: Config, progress: Progress) -> Twin:
     """Return features and run times of the simulated recordings, and the results of the fidelity tables, under one setting."""
-    found = Twin({}, {}, {}, {}, {}, {})
+    import pandas as pd
+
     cases = {motion: some for motion in FEATURES if len(some := campaign.cases("twin", motion=motion)) >= MIN_RECORDINGS}
     campaign.prepare([("twin", case) for some in cases.values() for case in some])
-    for motion, some in cases.items():
-        values, keys, seconds, setups, frames = zip(*(_one(campaign, case) for case in progress.over(some, motion)), strict=True)
-        found.values[motion], found.keys[motion] = np.stack(values), list(keys)
-        found.frame_s[motion], found.setups[motion], found.frames[motion] = np.array(seconds), np.array(setups), frames[0]
-    found.figures.update(fidelity(campaign, config, progress))
-    return found
+    made = [_one(campaign, case) for motion, some in cases.items() for case in progress.over(some, motion)]
+    columns = ("motion", "key", "features", "frame_s", "setups", "frames")
+    return Twin(pd.DataFrame(made, columns=columns), dict(fidelity(campaign, config, progress)))
 
 
 def fidelity(campaign: Campaign, config: Config, progress: Progress) -> Iterator[tuple[tuple[str, str], tuple[float, list[str]]]]:
@@ -177,34 +171,34 @@ def _frame(module: ModuleType, config: Config, campaign: Campaign, progress: Pro
     return read.assign(draw=0)
 
 
-def _one(campaign: Campaign, case: Case) -> tuple[np.ndarray, str, float, int, int]:
-    """Return (features, store key, core-seconds per frame, number of set-ups computed, number of frames) of a simulated recording."""
+def _one(campaign: Campaign, case: Case) -> tuple[str, str, np.ndarray, float, int, int]:
+    """Return the columns of a simulated recording in `Twin.recordings`."""
     key, processed = campaign.processed("twin", case)
     made = campaign.clean("twin", case).read_json("meta")
     told = made["told"]
     values = sets.vector(processed, campaign.log(case, "twin"), FEATURES[case.motion])[1]
-    return values, key, float(made["core_seconds"]) / told["frames"], int(told.get(tally.SETUPS, 0)), int(told["frames"])
+    return case.motion, key, values, float(made["core_seconds"]) / told["frames"], int(told.get(tally.SETUPS, 0)), int(told["frames"])
 
 
 def table(config: Config, twins: Mapping[str, Twin]) -> list[dict[str, Any]]:
     """Return rows with feature error and run time for each setting and motion, and each fidelity result with its change from the
     default.
     """
-    finest, default = twins[FINEST], twins[DEFAULT]
+    default = twins[DEFAULT]
+    finest = dict(list(twins[FINEST].recordings.groupby("motion")))
     seeds = config.profile.resamples, config.seed
     rows = []
     for name, twin in twins.items():
-        for motion, values in twin.values.items():
+        for motion, some in twin.recordings.groupby("motion", sort=False):
             case = {"setting": name, "table": "", "motion": motion, "change": None}
-            error = feature_error(values, finest.values[motion])
-            keys, plain = twin.keys[motion], twin.setups[motion] == 0
-            rows.append(row(config, case, ERROR, statistics.mean(error, *seeds), {*keys, *finest.keys[motion]}))
-            if plain.any():
-                each = twin.frame_s[motion][plain]
-                rows.append(row(config, case, COST, statistics.mean(1e3 * each, *seeds), np.array(keys)[plain].tolist()))
-                if not plain.all():
-                    whole = (twin.frame_s[motion][~plain] - each.mean()) * twin.frames[motion] / twin.setups[motion][~plain]
-                    rows.append(row(config, case, SETUP, statistics.mean(whole, *seeds), np.array(keys)[~plain].tolist()))
+            error = feature_error(*(np.stack(list(one.features)) for one in (some, finest[motion])))
+            rows.append(row(config, case, ERROR, statistics.mean(error, *seeds), {*some.key, *finest[motion].key}))
+            plain, others = some[some.setups == 0], some[some.setups > 0]
+            if len(plain):
+                rows.append(row(config, case, COST, statistics.mean(1e3 * plain.frame_s, *seeds), plain.key))
+                if len(others):
+                    whole = (others.frame_s - plain.frame_s.mean()) * others.frames / others.setups
+                    rows.append(row(config, case, SETUP, statistics.mean(whole, *seeds), others.key))
         for (table_name, metric), (value, keys) in twin.figures.items():
             change = value - default.figures[table_name, metric][0] if (table_name, metric) in default.figures else None
             case = {"setting": name, "table": table_name, "motion": "", "change": change}
@@ -245,6 +239,5 @@ def chart(rows: Sequence[dict[str, Any]]) -> Figure:
             )
         axes.set(xscale="log", yscale="log", xlabel=COST, title=motion)
     panels[0][0].set_ylabel("feature error (standard deviations)")
-    handles, labels = panels[0][0].get_legend_handles_labels()
-    drawing.legend(handles, labels, loc="outside upper center", ncols=4)
+    legend_above(drawing, panels[0][0], 4)
     return drawing

@@ -27,11 +27,6 @@ FRAMES = 250, 50  # number of frames of a revolution, and of a drive
 FIRST = 4  # frames that are recorded to compile the kernels
 
 
-def whole(probe: Probe) -> int:
-    """Return the number of frames of the whole recording. The probe has some of these frames."""
-    return FRAMES[0] if probe.log.angle_rad is not None else FRAMES[1]
-
-
 def seconds(probe_of: Callable[[int | None, bool], Probe], models: Sequence[Model], rounds: int, store: Store) -> dict[Model, list[float]]:
     """Return the run time in core-seconds per frame of a whole recording: for each model, a list with one value per round.
 
@@ -57,10 +52,11 @@ def seconds(probe_of: Callable[[int | None, bool], Probe], models: Sequence[Mode
 
 def _once(few: Probe, many: Probe, model: Model) -> float:
     with tempfile.TemporaryDirectory() as empty, array_cache.in_folder(empty):
+        turning = few.log.angle_rad is not None
         first = _clocked(few, model)
-        short = _clocked(few, model) if few.log.angle_rad is not None else first  # the room of a radar at rest is already traced
+        short = _clocked(few, model) if turning else first  # the room of a radar at rest is already traced
         long = _clocked(many, model)
-    frames = whole(few)
+    frames = FRAMES[not turning]  # of the whole recording
     each = max(long - short, 0.0) / (many.frames - few.frames)
     return (first + (frames - few.frames) * each) / frames
 

@@ -11,7 +11,6 @@ recordings, and no learner is chosen by them.
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,9 +26,7 @@ from radartwin.store.products import Store
 
 
 def main() -> None:
-    config = compose(["experiment=campaign"])
-    config = replace(config, profile=replace(config.profile, campaign=replace(config.profile.campaign, turns=1)))
-    progress = Progress()
+    config, progress = compose(["experiment=campaign", "profile.campaign.turns=1"]), Progress()
     campaign = Campaign(config, Store(Path(config.output) / "cache", progress.say), progress)
     variances, names = [], ()
     for cases in progress.over(repeated(config, "turntable"), "objects"):

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -85,9 +84,7 @@ def summary(groups: Mapping[str, Mapping[str, Read]]) -> dict[str, Any]:
 
 def main() -> None:
     """Measure the repeatability limits and write them to the package file."""
-    config = compose(["experiment=campaign", "measured.gap.person=0"])
-    config = replace(config, profile=replace(config.profile, campaign=replace(config.profile.campaign, turns=1)))
-    progress = Progress()
+    config, progress = compose(["experiment=campaign", "measured.gap.person=0", "profile.campaign.turns=1"]), Progress()
     campaign = Campaign(config, Store(Path(config.output) / "cache", progress.say), progress)
     groups = {}
     for motion in FAMILIES:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -55,30 +56,16 @@ def _own() -> Backend:
     return backend("mitsuba", room="tubes", rays=50_000, max_bounces=BOUNCES)
 
 
-def _multipath(simulator: Callable[[], Backend]) -> Check:
-    def check() -> tuple[str, bool]:
-        most = _bounces(simulator())
-        return (f"yes ({most}-bounce)" if most > 1 else "no (1-bounce)"), most > 1
-
-    return check
+def _multipath(simulator: Callable[[], Backend], bounces: int | None = None) -> tuple[str, bool]:
+    """Check that paths have more than one bounce, or the given largest number of bounces."""
+    most = _bounces(simulator())
+    return (f"yes ({most}-bounce)" if most > 1 else "no (1-bounce)"), most > 1 if bounces is None else most == bounces
 
 
-def _four_bounces() -> tuple[str, bool]:
-    most = _bounces(_own())
-    return f"yes ({most}-bounce)", most == BOUNCES
-
-
-def _mechanism(simulator: Callable[[], Backend], words: str) -> Check:
-    """Return a check that rays from the radar find the nearest surface of a room at its true range.
-
-    `words` is the content of the table cell if the check succeeds.
-    """
-
-    def check() -> tuple[str, bool]:
-        nearest = min(float(part.length_m.min()) / 2 for part in _traced(simulator(), _box()))
-        return words, abs(nearest - 1.05) < 0.02  # range of the floor in metres
-
-    return check
+def _ray_tracing() -> tuple[str, bool]:
+    """Check that rays from the radar find the nearest surface of a room, its floor, at its true range."""
+    nearest = min(float(part.length_m.min()) / 2 for part in _traced(_own(), _box()))
+    return "ray tracing", abs(nearest - 1.05) < 0.02
 
 
 def _mesh_formats() -> tuple[str, bool]:
@@ -137,12 +124,9 @@ def _targets() -> tuple[str, bool]:
     return "objects & materials", all(len(kinds) > 1 for kinds in classes)
 
 
-def _per_surface(simulator: Callable[[], Backend], words: str, matters: bool) -> Check:
-    def check() -> tuple[str, bool]:
-        found = _materials_matter(simulator())
-        return (words if found == matters else "per surface" if found else "uniform"), found == matters
-
-    return check
+def _per_surface(simulator: Callable[[], Backend], words: str, matters: bool) -> tuple[str, bool]:
+    found = _materials_matter(simulator())
+    return (words if found == matters else "per surface" if found else "uniform"), found == matters
 
 
 def _sionna() -> Backend:
@@ -155,9 +139,9 @@ def _naive() -> Backend:
 
 CHECKS: dict[str, dict[str, Check]] = {
     "RadarTwin": {
-        "mechanism": _mechanism(_own, "ray tracing"), "scene input": _mesh_formats, "material model": _labelled,
-        "multipath": _four_bounces, "real scene": _scanned_room, "no RF data": _no_measurement, "target": _targets,
+        "mechanism": _ray_tracing, "scene input": _mesh_formats, "material model": _labelled,
+        "multipath": partial(_multipath, _own, BOUNCES), "real scene": _scanned_room, "no RF data": _no_measurement, "target": _targets,
     },
-    "Sionna RT": {"material model": _per_surface(_sionna, "per-surf.", True), "multipath": _multipath(_sionna)},
-    "RF-Genesis": {"material model": _per_surface(_naive, "uniform", False), "multipath": _multipath(_naive)},
+    "Sionna RT": {"material model": partial(_per_surface, _sionna, "per-surf.", True), "multipath": partial(_multipath, _sionna)},
+    "RF-Genesis": {"material model": partial(_per_surface, _naive, "uniform", False), "multipath": partial(_multipath, _naive)},
 }  # fmt: skip

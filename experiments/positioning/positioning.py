@@ -12,8 +12,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from experiments import claims
 from experiments.positioning import capabilities
+from experiments.statistics import exact
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result, Table
@@ -98,13 +101,12 @@ def row(system: str) -> dict[str, Any]:
         if system == OURS:
             cells[axis] = found if right else ""
         notes.append(f"{axis}: {found}" if right else f"{axis}: {found}, not {CELLS[system][AXES.index(axis)]}")
-    share = sum(agree) / len(agree) if agree else None
     return {
         "method": system, **cells, "sources": "; ".join(source(system, axis) for axis in AXES),
-        "checked here": "; ".join(notes), "metric": "share of checked cells that are as the paper says", "run_keys": "",
-        "paper": f"{sum(cells[axis].startswith('yes') for axis in TICKS)} of {len(TICKS)} marks", "value": share, "low": share,
-        "high": share, "n": len(agree), "domain": DOMAINS.get(system, "capability check") if agree else "paper",
-        "verdict": claims.limit_kept(all(agree) if agree else None),
+        "checked here": "; ".join(notes), **claims.score_columns(
+            "share of checked cells that are as the paper says", exact(float(np.mean(agree)) if agree else np.nan, len(agree)),
+            DOMAINS.get(system, "capability check") if agree else "paper", all(agree),
+        ), "paper": f"{sum(cells[axis].startswith('yes') for axis in TICKS)} of {len(TICKS)} marks",
     }  # fmt: skip
 
 
@@ -124,6 +126,5 @@ def others_with_all() -> dict[str, Any]:
         "sources": 'caption of Table 1: "the only method that infers per-surface materials automatically from an available 3D scene '
         'representation while modeling environment multipath and requiring no RF data"',
         "checked here": f"{note}; the paper does not say whether Shenron infers the reflectivity of each surface",
-        "metric": "other systems with every mark", "run_keys": "", "paper": "0", "value": float(len(rivals)), "low": float(len(rivals)),
-        "high": float(len(rivals)), "n": len(CELLS) - 1, "domain": "paper", "verdict": "",
+        **claims.score_columns("other systems with every mark", exact(len(rivals), len(CELLS) - 1), "paper"), "paper": "0",
     }  # fmt: skip

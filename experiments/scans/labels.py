@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments import claims
+from experiments import claims, statistics
 from experiments.scans import virtual_scan
-from experiments.scans.scan import by_area
+from experiments.statistics import Estimate
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.label.score import CLOSE_DB, Judged, accuracy_table, judge
@@ -83,17 +83,21 @@ def _labelled(source: str, scene: Scene, truth: Scene, seed: int) -> Scene:
     return material_source(source, **SOURCES[source])(scene)
 
 
+def _row(room: str, source: str, area_m2: float, metric: str, found: Estimate, key: str, category: str = "all", note: str = "",
+         holds: bool | None = None) -> dict[str, Any]:  # fmt: skip
+    return {
+        "room": room, "source": source, "category": category, "area_m2": round(area_m2, 2), "note": note,
+        **claims.score_columns(metric, found, "virtual scan", holds, [key]),
+    }  # fmt: skip
+
+
 def _answered(room: str, scene: Scene, key: str) -> dict[str, Any]:
     """Return a row with the share of the scan's area that has a recorded answer. Surfaces without a recorded answer get the
     substitute material.
     """
     area = np.array([s.mesh.area for s in scene])
-    share = float(area[[s.provenance["source"] == "vlm" for s in scene]].sum() / area.sum())
-    return {
-        "room": room, "source": "vlm", "category": "all", "area_m2": round(float(area.sum()), 2), "metric": "answered", "run_keys": key[:8],
-        "paper": "", "n": len(scene), "domain": "virtual scan", "verdict": "", "note": "", "value": share, "low": share,
-        "high": share,
-    }  # fmt: skip
+    share = area[[s.provenance["source"] == "vlm" for s in scene]].sum() / area.sum()
+    return _row(room, "vlm", float(area.sum()), "answered", statistics.exact(share, len(scene)), key)
 
 
 def _rows(room: str, judged: dict[str, Sequence[Judged]], key: str) -> list[dict[str, Any]]:
@@ -103,21 +107,18 @@ def _rows(room: str, judged: dict[str, Sequence[Judged]], key: str) -> list[dict
         for line in accuracy_table(found).to_dict("records"):
             if source != "vlm" and line["minc"] != "all":
                 continue
-            named = {"room": room, "source": source, "category": line["minc"], "area_m2": round(float(line["area_m2"]), 2)}
+            n = int(line["n"])
+            estimates = {
+                "right category": Estimate(line["accuracy"], line["low"], line["high"], n),
+                f"within {CLOSE_DB:g} dB": Estimate(line["close"], line["close_low"], line["close_high"], n),
+                "mean distance dB": statistics.exact(line["mean_db"], n),
+                "worst distance dB": statistics.exact(line["worst_db"], n),
+                "mean diffuse distance dB": statistics.exact(line["diffuse_db"], n),
+            }
+            if source == "uniform":  # the uniform material has no category
+                del estimates["right category"]
             note = f"{line['guessed']:.0%} of the area has a substitute material or uncertain layers" if line["guessed"] else ""
-            rest = {"run_keys": key[:8], "paper": "", "n": int(line["n"]), "domain": "virtual scan", "verdict": "", "note": note}
-            if source != "uniform":  # the uniform material has no category
-                score = {"value": line["accuracy"], "low": line["low"], "high": line["high"]}
-                rows.append({**named, "metric": "right category", **rest, **score})
-            score = {"value": line["close"], "low": line["close_low"], "high": line["close_high"]}
-            rows.append({**named, "metric": f"within {CLOSE_DB:g} dB", **rest, **score})
-            for metric, column in (
-                ("mean distance dB", "mean_db"),
-                ("worst distance dB", "worst_db"),
-                ("mean diffuse distance dB", "diffuse_db"),
-            ):
-                value = float(line[column])
-                rows.append({**named, "metric": metric, **rest, "value": value, "low": value, "high": value})
+            rows += [_row(room, source, float(line["area_m2"]), metric, one, key, line["minc"], note) for metric, one in estimates.items()]
     return rows
 
 
@@ -129,11 +130,8 @@ def _beats(room: str, judged: dict[str, Sequence[Judged]], source: str, config: 
     """
     areas = np.array([j.area_m2 for j in judged[source]])
     gain = np.array([u.distance_db - j.distance_db for u, j in zip(judged["uniform"], judged[source], strict=True)])
-    mean = by_area(gain, areas, config.profile.resamples, config.seed)
-    return {
-        "room": room, "source": source, "category": "all", "area_m2": round(float(areas.sum()), 2), "metric": "gain over uniform dB",
-        "run_keys": key[:8], "paper": "", "n": mean.n, "domain": "virtual scan",
-        "verdict": claims.limit_kept(None if source == "random" else mean.low > 0),
-        "note": "control" if source == "random" else f"{source} beats uniform plasterboard in mean dB",
-        "value": mean.value, "low": mean.low, "high": mean.high,
-    }  # fmt: skip
+    mean = statistics.ratio(gain * areas, areas, config.profile.resamples, config.seed)
+    control = source == "random"
+    note = "control" if control else f"{source} beats uniform plasterboard in mean dB"
+    holds = None if control else mean.low > 0
+    return _row(room, source, float(areas.sum()), "gain over uniform dB", mean, key, note=note, holds=holds)

@@ -116,8 +116,8 @@ def scores(folder: Path, room: str, strength: float, seed: int) -> dict[str, Any
     return {
         "median_mm": 1e3 * near.median_m, "p95_mm": 1e3 * near.p95_m, "coverage": near.coverage,
         "profile_db": profile_error_db(scene, truth, near.move, seen.poses), "missed_flush": score.missed_flush,
-        "boundary_mm": 1e3 * score.boundary_median_m, "boundary_p95_mm": 1e3 * score.boundary_p95_m, "frames": len(frames),
-        "false_panes_m2": float(sum(s.mesh.area for s in panes if s.name not in glass)), "panes_m2": float(sum(s.mesh.area for s in panes)),
+        "boundary_mm": 1e3 * score.boundary_median_m, "boundary_p95_mm": 1e3 * score.boundary_p95_m,
+        "false_panes_m2": float(sum(s.mesh.area for s in panes if s.name not in glass)),
         "surfaces": [dataclasses.asdict(s) for s in score.surfaces], "clear": [dataclasses.asdict(s) for s in score.clear],
     }  # fmt: skip
 
@@ -147,10 +147,11 @@ def case_rows(room: str, strength: float, scans: Sequence[dict[str, Any]], resam
             found = statistics.mean(samples[metric], resamples, seed, SHARE)
         elif metric in weighted:
             group, name = weighted[metric]
-            found = by_area(_of_surfaces(group, name), _of_surfaces(group, "area_m2"), resamples, seed)
+            areas = _of_surfaces(group, "area_m2")
+            found = statistics.ratio(_of_surfaces(group, name) * areas, areas, resamples, seed)
         elif metric == "worst_recall":
             worst = min(large, key=lambda s: s["recall"])
-            found = statistics.Estimate(worst["recall"], worst["recall"], worst["recall"], len(large))
+            found = statistics.exact(worst["recall"], len(large))
             said = f"{claim}: {worst['name']}, {worst['area_m2']:.1f} m2"
         else:
             found = statistics.mean([scan[metric] for scan in scans], resamples, seed)
@@ -165,15 +166,6 @@ def _of_surfaces(scores: Sequence[dict[str, Any]], name: str) -> np.ndarray:
     return np.array([np.mean([s[name] for s in scores if s["name"] == surface]) for surface in surfaces])
 
 
-def by_area(values: np.ndarray, areas: np.ndarray, resamples: int, seed: int) -> statistics.Estimate:
-    """Return the mean of the values weighted by area, with a confidence interval from a bootstrap over surfaces."""
-    drawn = np.random.default_rng(seed).integers(len(values), size=(resamples, len(values)))
-    means = (values * areas)[drawn].sum(axis=1) / areas[drawn].sum(axis=1)
-    value = float(np.average(values, weights=areas))
-    low, high = np.quantile(means, [0.025, 0.975])
-    return statistics.Estimate(value, min(float(low), value), max(float(high), value), len(values))
-
-
 def _row(
     room: str, strength: float, metric: str, claim: str, found: statistics.Estimate, scans: int, key: str, judged: bool
 ) -> dict[str, Any]:
@@ -184,8 +176,7 @@ def _row(
         holds = found.low >= limit if least else found.high <= limit
     return {
         "room": room, "strength": strength, "claim": claim, "limit": "" if limit is None else f"{'>=' if least else '<='} {limit:g}",
-        "metric": metric, "scans": scans, "run_keys": key[:8], "paper": "", "value": found.value, "low": found.low, "high": found.high,
-        "n": found.n, "domain": "virtual scan", "verdict": claims.limit_kept(holds),
+        "scans": scans, **claims.score_columns(metric, found, "virtual scan", holds, [key]),
     }  # fmt: skip
 
 

@@ -12,10 +12,12 @@ time of the direct sum is proportional to the number of paths.
 
 import argparse
 import itertools
+import json
 import os
 import platform
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -23,10 +25,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import trimesh
 
 import radartwin as rt
-from experiments.speed.bench_figures import FIGURES, Values, table
-from experiments.speed.bench_scan import line, measure
+from experiments.speed.bench_figures import FIGURES, table
 from experiments.validation.oracles import sampling
 from radartwin.benchmark.leaderboard import processor
 from radartwin.io import files
@@ -48,7 +50,10 @@ CALLS = 20  # number of calls, each of one frame
 WARM_UP = slice(20, 26)  # poses of a drive that is simulated first, to compile the kernels
 ASIDE_M = 1e-3  # shift of the sensor between repetitions, so that no paths come from a cache
 MEMORY_RAYS = 3_000_000
+SCAN_FACES, SCAN_NOISE_M = 500_000, 0.005  # triangles of a scan, and deviation of a vertex coordinate as in the fused mesh of a phone LiDAR
 HISTORY = Path(__file__).with_name("bench_history.csv")
+
+Values = dict[str, float]  # measured values by the name of their figure in FIGURES
 
 
 def timed(methods: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, np.ndarray]:
@@ -82,10 +87,11 @@ def on_stand(bench: Bench) -> list[rt.Surface]:
     return [rt.Surface(mesh, "metal", "reflector", role="object"), *rooms.support(np.array([*at[:2], low]))]
 
 
-def synthesis(repeats: int, values: Values, variant: str) -> None:
+def synthesis(repeats: int, variant: str) -> Values:
     """Compare the run time of sample synthesis by gridding with the direct sum, and of `elements="planar"` with `elements="exact"`."""
     radar = sampling.RADAR
     print(f"IQ synthesis, {radar.num_chirps} chirps x 8 channels, speeds up to 0.5 m/s, {variant_module.activate(variant)}:")
+    values = Values()
     for count, end in ((FRAME_PATHS, " x 8 channels"), (MANY_PATHS, " at 0.5 m/s")):
         frame = sampling.scattered_paths(count, 0.5, 0)
         (seconds,) = timed({"": lambda frame=frame: received([frame], radar, 1)}, repeats).values()
@@ -108,9 +114,10 @@ def synthesis(repeats: int, values: Values, variant: str) -> None:
         values[f"gridding of {PATHS:,} paths{at}"] = 1e3 * grid
         values[f"direct sum to gridding{at}"] = direct / grid
         values[f"exact to planar elements{at}"] = grid / planar
+    return values
 
 
-def frames(repeats: int, values: Values, variant: str) -> None:
+def frames(repeats: int, variant: str) -> Values:
     """Time the simulation of whole frames, from poses to IQ samples."""
     radar, bench = rt.Radar.iwr1843(), rooms.lab_bench()
     turning = trajectory.turntable(bench.target_position(1.5), FRAMES, radar.frame_rate_hz)
@@ -144,17 +151,16 @@ def frames(repeats: int, values: Values, variant: str) -> None:
     }  # fmt: skip
     seconds = timed({name: method for name, (_, method) in methods.items()}, repeats)
     print(f"Frames, corner reflector at 1.5 m, 8 channels, {variant_module.activate(variant)}:")
-    for name, each in seconds.items():
-        values[name] = 1e3 * show(name, each / methods[name][0], "a frame")
+    values = {name: 1e3 * show(name, each / methods[name][0], "a frame") for name, each in seconds.items()}
     print(f"  the room at rest is traced once, {first:.1f} s with compilation")
     alone = values["object only, 100 frames in one call"]
     values["static room to object only"] = values["object in a static furnished room"] / alone
     faces, tubes = (values[f"moving sensor and object, {method}"] for method in ("flat faces", "tubes alone"))
     values["moving, tubes alone to flat faces"] = tubes / faces
-    values["object only, 100 frames in one call"] = 1e3 / alone
+    return values | {"object only, 100 frames in one call": 1e3 / alone}
 
 
-def single(repeats: int, values: Values, variant: str) -> None:
+def single(repeats: int, variant: str) -> Values:
     """Time calls that simulate one frame of one object each, at another sensor pose in each call."""
     radar = rt.Radar.iwr1843()
     shapes = {"sphere": objects.sphere(0.05), "corner reflector": objects.trihedral(0.1)}
@@ -168,11 +174,10 @@ def single(repeats: int, values: Values, variant: str) -> None:
 
     print(f"One frame in one call, sphere of 10 cm diameter and corner reflector with 10 cm edges at 1.5 m, {CALLS} calls:")
     seconds = timed({name: lambda scene=scene: call(scene) for name, scene in scenes.items()}, repeats)
-    for name, each in seconds.items():
-        values[f"one frame in one call, {name}"] = 1e3 * show(name, each / CALLS, "a call")
+    return {f"one frame in one call, {name}": 1e3 * show(name, each / CALLS, "a call") for name, each in seconds.items()}
 
 
-def drives(repeats: int, values: Values, variant: str) -> None:
+def drives(repeats: int, variant: str) -> Values:
     """Time drives along one track past an object: a corner reflector on a stand, traced as a campaign traces them
     (`campaign.target.seen`), and a metal can alone.
 
@@ -186,13 +191,15 @@ def drives(repeats: int, values: Values, variant: str) -> None:
     at = trajectory.pose(bench.target_position(1.0))
     can = rt.Surface(objects.cylinder(0.033, 0.12).apply_transform(at), "metal", "can", role="object")
     stand, alone = ([disc, reflector], [post]), ([can],)
+    values, declared = Values(), {figure.name for figure in FIGURES}
     _driven(rooms.lab((6.1, 5.0, 2.8), detail="cluttered"), nominal[WARM_UP], {"": stand, " past a can": alone}, 1, variant)
     for detail, end, groups in (("furnished", "", {"": stand, " past a can": alone}), ("cluttered", ", clutter", {" past a can": alone})):
         print(f"Drives of {len(nominal)} frames through the laboratory, {detail}:")
         for name, seconds in _driven(rooms.room("lab", detail=detail), nominal, groups, repeats, variant).items():
             wall = show(name, seconds[:, 0], f"{1e3 * np.median(seconds[:, 1]):.2f} ms of processor time")
-            if name + end in {figure.name for figure in FIGURES}:
+            if name + end in declared:
                 values[name + end] = wall if "set-up" in name else 1e3 * wall
+    return values
 
 
 def _driven(
@@ -204,7 +211,7 @@ def _driven(
         objects_of: {ending of the names of the results: groups of surfaces}; only the first group has paths over both object and room.
     Returns:
         Wall time and processor time (repeats, 2) in seconds: of each part of a frame, of the whole frame ("drive frame"), and of each part
-        of the set-up. The samples of the room alone and of the object alone are timed too, but are not part of the frame.
+        of the set-up.
     """
     radar, still = rt.Radar.iwr1843(), np.eye(4)[None]
     taken: dict[str, list[np.ndarray]] = {}
@@ -231,41 +238,80 @@ def _driven(
             echo = part(parts[1], lambda at=actual, groups=groups, over=over: [
                 *(one for group in groups for one in track.moving(group, at, still, False)), *over.seen(at, radar.frame_rate_hz)
             ], frames)  # fmt: skip
-            for name, paths in (
-                (parts[2], background + echo), (f"samples of the room alone{end}", background), (f"samples of the object alone{end}", echo)
-            ):  # fmt: skip
-                part(name, lambda paths=paths: received(paths, radar, len(nominal)), frames)
+            part(parts[2], lambda paths=background + echo: received(paths, radar, len(nominal)), frames)
         taken[f"drive frame{end}"] = [np.sum(each, axis=0) for each in zip(*(taken[name] for name in parts), strict=True)]
     return {name: np.stack(each) for name, each in taken.items()}
 
 
-def memory(repeats: int, values: Values, variant: str) -> None:
+def in_new_process(imports: str, code: str, *arguments: str) -> dict[str, float]:
+    """Run code that makes a scene `scene` in a new process.
+
+    Returns the number `surfaces` of the scene, the wall time `seconds` of the code without its imports, and for the whole process the
+    processor time `core_seconds` and the largest resident memory `peak_gib`.
+    """
+    code = f"""
+import json, sys, time
+from experiments.speed.machine import peak_gib
+{imports}
+began = time.perf_counter()
+{code}
+print(json.dumps({{"seconds": time.perf_counter() - began, "core_seconds": time.process_time(), "peak_gib": peak_gib(),
+                  "surfaces": len(scene)}}))
+"""
+    answer = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
+    return json.loads(answer.stdout.splitlines()[-1])
+
+
+def memory(repeats: int, variant: str) -> Values:
     """Measure the peak resident memory of a new process that traces a furnished room with many rays."""
-    code = (
-        "import numpy as np, radartwin as rt; from experiments.speed.peak_memory import peak_gib; from radartwin.scene import rooms\n"
-        f"rt.simulate(rooms.lab(), rt.Radar.iwr1843(), rooms.lab_bench().sensor_pose[None], rays={MEMORY_RAYS}, variant={variant!r})\n"
-        "print(peak_gib())"
+    found = in_new_process(
+        "import radartwin as rt; from radartwin.scene import rooms",
+        "scene = rooms.lab()\n"
+        f"rt.simulate(scene, rt.Radar.iwr1843(), rooms.lab_bench().sensor_pose[None], rays={MEMORY_RAYS}, variant={variant!r})",
     )
-    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    gibibytes = float(answer.stdout.split()[-1])
-    print(f"Memory: a furnished room at {MEMORY_RAYS} rays, 4 bounces: {gibibytes:.2f} GiB at most")
-    values["memory of a furnished room"] = gibibytes
+    print(f"Memory: a furnished room at {MEMORY_RAYS} rays, 4 bounces: {found['peak_gib']:.2f} GiB at most")
+    return {"memory of a furnished room": found["peak_gib"]}
 
 
-def scan(repeats: int, values: Values, variant: str) -> None:
-    """Time the reconstruction of a scan of half a million triangles."""
-    found = measure()
-    print(line(found))
-    values["reconstruction of a scan"], values["memory of a scan reconstruction"] = found["seconds"], found["peak_gib"]
+def scan(repeats: int, variant: str) -> Values:
+    """Time the reconstruction of a scan of half a million triangles, and measure its memory."""
+    found = reconstruction()
+    print(
+        f"Reconstruction of a scan of {found['faces']:,.0f} faces: {found['seconds']:.0f} s ({found['core_seconds']:.0f} core-seconds), "
+        f"peak {found['peak_gib']:.2f} GiB, {found['surfaces']:.0f} surfaces"
+    )
+    return {"reconstruction of a scan": found["seconds"], "memory of a scan reconstruction": found["peak_gib"]}
+
+
+def reconstruction() -> dict[str, float]:
+    """Reconstruct the scan of a furnished laboratory in a new process. Returns the entries of `in_new_process`, and the number `faces` of
+    triangles. The times include reading the scan file and writing the reconstructed scene.
+
+    The scan consists of the true surfaces, cut into about SCAN_FACES equal triangles, with colours and with the depth noise of a phone.
+    """
+    pieces = [surface.mesh for surface in rooms.lab()]
+    area = sum(float(piece.area) for piece in pieces)
+    edge = 1.5 * float(np.sqrt(4 / np.sqrt(3) * area / SCAN_FACES))  # the split edges are between half the allowed length and that length
+    rng = np.random.default_rng(0)
+    fine: list[Any] = [trimesh.Trimesh(one.vertices, one.faces, process=False).subdivide_to_size(edge, max_iter=20) for one in pieces]
+    colours = [np.tile(np.random.default_rng([0, k]).integers(60, 220, 3), (len(one.vertices), 1)) for k, one in enumerate(fine)]
+    whole: Any = trimesh.util.concatenate(fine)
+    shade = np.clip(np.vstack(colours) + rng.normal(0, 5, (len(whole.vertices), 3)), 0, 255).astype(np.uint8)
+    noisy = whole.vertices + SCAN_NOISE_M * rng.standard_normal(whole.vertices.shape)
+    with tempfile.TemporaryDirectory() as folder:
+        trimesh.Trimesh(noisy, whole.faces, vertex_colors=shade, process=False).export(f"{folder}/scan.ply")
+        imports, code = "from radartwin.reconstruct.build import reconstruct", "scene = reconstruct(sys.argv[1], sys.argv[2])"
+        return {"faces": len(whole.faces), **in_new_process(imports, code, f"{folder}/scan.ply", f"{folder}/scene")}
 
 
 def measured(benchmarks: Sequence[str], repeats: int, variant: str) -> Values:
-    """Run benchmarks by name and return all their figures. Raises RuntimeError if a benchmark does not measure a figure declared for it."""
+    """Run benchmarks by name and return all their figures. Raises RuntimeError if a benchmark measures other figures than declared."""
     values = Values()
     for name in benchmarks:
-        BENCHMARKS[name](repeats, values, variant)
-        if absent := [figure.name for figure in FIGURES if figure.benchmark == name and figure.name not in values]:
-            raise RuntimeError(f"the benchmark {name} did not measure {', '.join(absent)}; correct FIGURES or the benchmark")
+        found = BENCHMARKS[name](repeats, variant)
+        if wrong := found.keys() ^ {figure.name for figure in FIGURES if figure.benchmark == name}:
+            raise RuntimeError(f"{', '.join(sorted(wrong))}: measured or declared for the benchmark {name}, but not both; correct FIGURES")
+        values |= found
     return values
 
 
@@ -304,7 +350,7 @@ def main() -> None:
         print(f"history: {append(machine, values)}")
 
 
-BENCHMARKS: dict[str, Callable[[int, Values, str], None]] = {
+BENCHMARKS: dict[str, Callable[[int, str], Values]] = {
     "synthesis": synthesis, "frames": frames, "single": single, "drives": drives, "memory": memory, "scan": scan,
 }  # fmt: skip
 

@@ -82,15 +82,6 @@ FIGURES = (
 )
 
 
-class Values(dict[str, float]):
-    """Hold measured values by figure name. A name that FIGURES does not declare raises a KeyError."""
-
-    def __setitem__(self, name: str, value: float) -> None:
-        if name not in {figure.name for figure in FIGURES}:
-            raise KeyError(f"{name!r} is not a declared figure; declare it in FIGURES of {__name__}")
-        super().__setitem__(name, value)
-
-
 def earlier(history: pd.DataFrame, machine: Mapping[str, object], column: str) -> list[float]:
     """Return the values of a column in the last comparable runs of the history, whose cells are text."""
     if column not in history:

@@ -46,7 +46,7 @@ def flat(surfaces: int) -> tuple[Scene, np.ndarray]:
     bodies = [trimesh.creation.extrude_polygon(one, HEIGHT_M) for one in getattr(walls, "geoms", [walls]) if not one.is_empty]
     if bodies:
         parts.append(Surface(objects.joined(bodies), "plasterboard", "walls"))
-    count = sum(_flat_surfaces(part.mesh) for part in parts)
+    count = sum(len(part.mesh.facets) for part in parts)
     rooms = [np.array([i, j]) for i in range(side) for j in range(side)]
     rooms = sorted((cell - side // 2 for cell in rooms), key=lambda cell: (float(np.abs(cell).sum()), *cell))
     random = [np.random.default_rng([7, *(cell + 100)]) for cell in rooms]
@@ -60,13 +60,8 @@ def flat(surfaces: int) -> tuple[Scene, np.ndarray]:
                 mesh, material = piece
                 mesh.apply_translation([*(cell * ROOM_M), 0.0])
                 parts.append(Surface(mesh, material, f"piece_{len(parts)}"))
-                count += _flat_surfaces(mesh)
+                count += len(mesh.facets)
     return Scene(parts), np.array([0.0, 0.0, 1.0])
-
-
-def _flat_surfaces(mesh: trimesh.Trimesh) -> int:
-    """Return the number of flat surfaces of a mesh."""
-    return len(mesh.facets)
 
 
 def _walls(side: int, low: np.ndarray, high: np.ndarray) -> shapely.Geometry:

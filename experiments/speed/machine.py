@@ -1,4 +1,4 @@
-"""Describe the machine on which run times are measured."""
+"""Describe the machine on which run times are measured, and the memory of its processes."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import functools
 import importlib.metadata
 import os
 import platform
-
-from radartwin.benchmark.leaderboard import processor
+from pathlib import Path
 
 
 @functools.cache
 def machine() -> dict[str, str]:
     """Return processor, memory, operating system and package versions of this machine, as {name: text}."""
+    from radartwin.benchmark.leaderboard import processor
+
     versions = {name: importlib.metadata.version(name) for name in ("numpy", "mitsuba", "drjit")}
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30 if hasattr(os, "sysconf") else 0.0
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
@@ -21,3 +22,23 @@ def machine() -> dict[str, str]:
         "system": f"{platform.system()} {platform.machine()}", "python": f"Python {platform.python_version()}",
         "packages": ", ".join(f"{name} {version}" for name, version in versions.items()),
     }  # fmt: skip
+
+
+def memory_kib(field: str, pid: str = "self") -> int | None:
+    """Return a field of /proc/PID/status, such as VmRSS, in KiB; None if there is no such file, as on systems other than Linux."""
+    try:
+        lines = Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines()
+    except OSError:
+        return None
+    return next((int(line.split()[1]) for line in lines if line.startswith(f"{field}:")), None)
+
+
+def peak_gib() -> float:
+    """Return the largest resident memory that this process had since its program started, in GiB.
+
+    `resource.getrusage` is not used, because Linux keeps its maximum when a process starts another program. In a child process, the maximum
+    would therefore include the memory that the parent process had at the start of the child.
+    """
+    peak = memory_kib("VmHWM")
+    assert peak is not None, "the peak memory of a process is known on Linux only"
+    return peak / 2**20

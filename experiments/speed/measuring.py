@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from experiments.speed.machine import memory_kib
 from experiments.speed.methods import OURS, Method, counted_rays, rays_of
 from experiments.speed.problems import RADAR, Problem
 from radartwin.benchmark import signal_error
@@ -46,7 +47,7 @@ class Peak:
             return None
         total = 0
         for pid in ("self", *map(str, sionna.process_ids())):
-            total += (_status(pid, "VmHWM") or 0) - (self._before.get(pid) or 0)
+            total += (memory_kib("VmHWM", pid) or 0) - (self._before.get(pid) or 0)
         return total / 1024
 
 
@@ -67,15 +68,7 @@ def _reset(pid: str) -> int | None:
         Path(f"/proc/{pid}/clear_refs").write_text("5")
     except OSError:
         return None
-    return _status(pid, "VmRSS")
-
-
-def _status(pid: str, name: str) -> int | None:
-    try:
-        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-    except OSError:
-        return None
-    return next((int(line.split()[1]) for line in lines if line.startswith(name)), None)
+    return memory_kib("VmRSS", pid)
 
 
 class Timed:
@@ -84,8 +77,7 @@ class Timed:
     def __init__(self, problem: Problem, method: Method, calls: Iterator[int]) -> None:
         self.problem, self.method, self._calls = problem, method, calls
         self.frames = min(part.scored for part in problem.parts)
-        self.seconds: list[float] = []
-        self.wall: list[float] = []
+        self.times: list[tuple[float, float]] = []  # result of the method `once` of each repetition
         self.setup_s = 0.0
         self.memory_mib: float | None = None
         self.rays: float | None = None
@@ -130,7 +122,7 @@ class Timed:
             first = self.once()
         self.memory_mib = peak.mib()
         if self.method.published or (own and not self.problem.resting):
-            self.note(first)
+            self.times.append(first)
             self.rays = self._rays(sum(launched) / frames, 0.0)
             return
         with counted_rays() as again:
@@ -148,15 +140,10 @@ class Timed:
         from_settings = rays_of(self.method.simulator)
         return each + once / self.problem.frames if from_settings is None else float(from_settings)
 
-    def note(self, frame_s: tuple[float, float]) -> None:
-        """Keep the times per frame that the method `once` returned as one repetition."""
-        self.seconds.append(frame_s[0])
-        self.wall.append(frame_s[1])
-
     def row(self) -> dict[str, Any]:
         """Return the errors, the run time and its single repetitions as a table row."""
         shared = self.setup_s / self.problem.frames
-        seconds = np.array(self.seconds) + shared
+        seconds, wall = np.array(self.times).T + shared
         errors = self.score()
         return {
             "problem": self.problem.name,
@@ -164,7 +151,7 @@ class Timed:
             "setting": self.method.setting,
             "seconds_frame": float(np.median(seconds)),
             "seconds": seconds.tolist(),
-            "wall_s_frame": float(np.median(self.wall)) + shared,
+            "wall_s_frame": float(np.median(wall)),
             "setup_s": self.setup_s,
             "frames timed": self.frames,
             "memory_mib": self.memory_mib,
@@ -196,10 +183,10 @@ def measure(
             one.prepare(budget_s, most)
         for number in range(rounds):
             for one in timed[:: 1 if number % 2 else -1]:
-                length_s = (one.seconds[-1] if one.seconds else 0.0) * one.frames * len(problem.parts)
-                if not one.seconds or (length_s < slow_s and not one.method.published):
-                    one.note(one.once())
+                length_s = one.times[-1][0] * one.frames * len(problem.parts) if one.times else 0.0
+                if not one.times or (length_s < slow_s and not one.method.published):
+                    one.times.append(one.once())
         rows = [one.row() for one in timed]
     for one in timed:
-        say(f"  {problem.name}: {one.method.name}: {np.median(one.seconds) * 1e3:.3g} ms a frame")
+        say(f"  {problem.name}: {one.method.name}: {np.median(one.times, axis=0)[0] * 1e3:.3g} ms a frame")
     return rows

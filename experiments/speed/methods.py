@@ -8,10 +8,11 @@ because all sums take the same time.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
+from unittest import mock
 
 import numpy as np
 
@@ -146,24 +147,18 @@ class ExactImages:
 def counted_rays() -> Iterator[list[int]]:
     """Yield a list that records the number of ray tubes of every ray grid that is launched inside the `with` block."""
     counts: list[int] = []
-    towards, all_around = tube_grid.towards, tube_grid.all_around
 
-    def count(made: Any) -> Any:
-        grids = [made] if isinstance(made, tube_grid.TubeGrid) else list(made or [])
-        counts.extend(one.per_pose * one.poses for one in grids)
-        return made if isinstance(made, tube_grid.TubeGrid) or made is None else grids
+    def counted(launch: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: Any, **options: Any) -> Any:
+            made = launch(*arguments, **options)
+            grids = [made] if isinstance(made, tube_grid.TubeGrid) else list(made or [])
+            counts.extend(one.per_pose * one.poses for one in grids)
+            return made if isinstance(made, tube_grid.TubeGrid) or made is None else grids
 
-    def counted_towards(*arguments: Any, **options: Any) -> Any:
-        return count(towards(*arguments, **options))
+        return call
 
-    def counted_around(*arguments: Any, **options: Any) -> Any:
-        return count(all_around(*arguments, **options))
-
-    tube_grid.towards, tube_grid.all_around = counted_towards, counted_around
-    try:
+    with mock.patch.multiple(tube_grid, towards=counted(tube_grid.towards), all_around=counted(tube_grid.all_around)):
         yield counts
-    finally:
-        tube_grid.towards, tube_grid.all_around = towards, all_around
 
 
 def rays_of(simulator: Any) -> int | None:

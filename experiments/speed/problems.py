@@ -20,6 +20,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache, partial
 
 import numpy as np
+import trimesh
 from scipy.interpolate import BarycentricInterpolator
 
 from experiments.validation.oracles import box, fullwave, furnished, furnished_motions, rooms, traced
@@ -123,19 +124,15 @@ def canonical(frames: int, scored: int) -> Problem:
 
     The plate and the trihedral turn on a turntable. The echoes of the sphere and the cylinder are the same in every frame.
     """
-    parts = []
-    for name, start_deg in (("plate", 0.0), ("trihedral", 5.0)):
-        parts.append(_corner_part(name, name, 0.1, turntable_poses(CANONICAL_M, frames, start_deg), scored))
-    for name, mesh, echo in (
-        ("sphere", objects.sphere(0.033, 4), lambda f: sphere_echo(0.033, CANONICAL_M, f)),
-        ("cylinder", objects.cylinder(0.033, 0.12, 64), lambda f: cylinder_echo(0.033, 0.12, CANONICAL_M, f)),
-    ):
-        poses = turntable_poses(CANONICAL_M, frames, 0.0)
-
-        def same(echo: Callable[[np.ndarray], np.ndarray] = echo) -> np.ndarray:
-            return np.repeat(swept(echo, CANONICAL_M)[None], scored, axis=0)
-
-        parts.append(Part(name, _alone(mesh), np.eye(4)[None], {"target": poses}, scored, traced.MONOSTATIC, same))
+    poses = {name: turntable_poses(CANONICAL_M, frames, start_deg) for name, start_deg in (("plate", 0.0), ("trihedral", 5.0))}
+    sphere = cache(lambda: swept(partial(sphere_echo, 0.033, CANONICAL_M), CANONICAL_M))
+    cylinder = cache(lambda: swept(partial(cylinder_echo, 0.033, 0.12, CANONICAL_M), CANONICAL_M))
+    parts = [
+        _part("plate", objects.plate(0.1, 0.1), poses["plate"], scored, partial(corner_echo, "plate", 0.1)),
+        _part("trihedral", objects.trihedral(0.1), poses["trihedral"], scored, partial(corner_echo, "trihedral", 0.1)),
+        _part("sphere", objects.sphere(0.033, 4), poses["plate"], scored, lambda pose: sphere()),
+        _part("cylinder", objects.cylinder(0.033, 0.12, 64), poses["plate"], scored, lambda pose: cylinder()),
+    ]
     truth = "near-field quadrature (plate), iterative physical optics (trihedral); series (sphere, cylinder)"
     return Problem("canonical", f"canonical targets at {CANONICAL_M:g} m", truth, parts, TURN, True, False)
 
@@ -143,22 +140,19 @@ def canonical(frames: int, scored: int) -> Problem:
 @cache
 def near(frames: int, scored: int) -> Problem:
     """Return the test problem of a large metal trihedral in the near field of the radar."""
-    part = _corner_part("trihedral 15 cm", "trihedral", 0.15, turntable_poses(NEAR_M, frames, 5.0), scored)
+    poses, echo = turntable_poses(NEAR_M, frames, 5.0), partial(corner_echo, "trihedral", 0.15)
+    part = _part("trihedral 15 cm", objects.trihedral(0.15), poses, scored, echo)
     title = f"15 cm reflector in the near field, {NEAR_M:g} m"
     return Problem("near", title, "iterative physical optics", [part], TURN, True, False)
 
 
-def _alone(mesh: object) -> Scene:
-    return Scene([Surface(mesh, "metal", "target", role="object")])  # type: ignore[arg-type]
-
-
-def _corner_part(name: str, shape: str, size_m: float, poses: np.ndarray, scored: int) -> Part:
-    mesh = objects.plate(size_m, size_m) if shape == "plate" else objects.trihedral(size_m)
-
-    def reference() -> np.ndarray:
-        return np.stack([corner_echo(shape, size_m, pose) for pose in poses[:scored]])
-
-    return Part(name, _alone(mesh), np.eye(4)[None], {"target": poses}, scored, traced.MONOSTATIC, reference)
+def _part(name: str, mesh: trimesh.Trimesh, poses: np.ndarray, scored: int, echo: Callable[[np.ndarray], np.ndarray]) -> Part:
+    """Return the recording of a metal target alone. `echo` gives its reference samples (1, 1, 1, samples) at a pose (4, 4)."""
+    scene = Scene([Surface(mesh, "metal", "target", role="object")])
+    return Part(
+        name, scene, np.eye(4)[None], {"target": poses}, scored, traced.MONOSTATIC,
+        lambda: np.stack([echo(pose) for pose in poses[:scored]]),
+    )  # fmt: skip
 
 
 @cache

@@ -8,6 +8,7 @@ the campaign's turntable recordings (`campaign_methods`), compares run time with
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -22,6 +23,7 @@ from experiments.speed.machine import machine
 from experiments.speed.methods import DEFAULT, OURS, RFGENESIS, of_problem
 from experiments.speed.pareto import front, shortfall
 from experiments.speed.problems import Problem, problems
+from experiments.statistics import Estimate, exact
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result, Table
@@ -47,10 +49,13 @@ NEAR = 1.1
 FASTER = 500.0
 ERRORS = {"signal_error": "error of the signal", "profile_error_db": "error of the range profile"}
 PUBLISHED = "as published"
-MEASURED = (  # columns that are empty in the rows of the campaign
-    "wall_s_frame", "setup_s", "frames timed", "memory_mib", "rays", "signal_error", "profile_error_db", "offset_db", "free_error_db",
+MEASURED = (  # columns of the measurements; most are empty in the rows of the campaign
+    "problem", "family", "setting", "seconds_frame", "wall_s_frame", "setup_s", "frames timed", "memory_mib", "rays", "signal_error",
+    "profile_error_db", "offset_db", "free_error_db",
 )  # fmt: skip
-UNSCORED = dict.fromkeys(("feature_error", "recognition_error", "front of features", "front of recognition"))  # for the campaign only
+# columns of fronts and of the campaign's errors
+SCORED = ("front", "front of the signal", "feature_error", "recognition_error", "front of features", "front of recognition")
+COST = "seconds a frame over those of the default"
 SOURCES = ("experiments.speed.measuring", "experiments.speed.problems", "experiments.speed.methods")
 # `rounds`, `budget_s` and `slow_s` of `measuring.measure`
 QUICK, PAPER = (2, 0.2, 1.0), (2, 2.0, 8.0)
@@ -97,64 +102,65 @@ def _measure(problem: Problem, full: bool, progress: Progress, folder: Path) -> 
 
 
 def table(measured: Sequence[Mapping[str, Any]], machine: Mapping[str, str], known: Mapping[str, Problem]) -> list[dict[str, Any]]:
-    """Return the rows of the table: each method's run time relative to the default on each test problem, then the claims."""
+    """Return the rows of the table: each method's run time relative to the default on each test problem, then the claims.
+
+    The first claim is that the default is on the Pareto fronts of signal error and profile error. The second claim is that it is faster
+    than RF-Genesis as published.
+    """
     rows: list[dict[str, Any]] = []
     for name in dict.fromkeys(one["problem"] for one in measured):
         mine = [one for one in measured if one["problem"] == name]
         default = next(one for one in mine if (one["family"], one["setting"]) == (OURS, DEFAULT))
-        fronts = {error: _on_front(mine, error) for error in ERRORS}
+        row = partial(_row, machine, known[name].title, known[name].truth)
+        signal, profile = (
+            front([(math.inf, math.inf) if one["exact"] else (one["seconds_frame"], one[error]) for one in mine]) for error in ERRORS
+        )
         for number, one in enumerate(mine):
-            ratios = ratios_of(one["seconds"], default["seconds"])
-            rows.append({
-                **_case(one, machine, known[name]), "exact": one["exact"],
-                "front": fronts["profile_error_db"][number], "front of the signal": fronts["signal_error"][number], **UNSCORED,
-                "claim": "", "run_keys": "", "metric": "seconds a frame over those of the default", "paper": None, "value": ratios[1],
-                "low": ratios[0], "high": ratios[2], "n": len(one["seconds"]), "domain": known[name].truth, "verdict": "",
-            })  # fmt: skip
-        rows += _claims(mine, default, machine, known[name])
+            marks = {"front": profile[number], "front of the signal": signal[number]}
+            rows.append(row(one, COST, ratios_of(one["seconds"], default["seconds"]), marks))
+        for error, words in ERRORS.items():
+            others = [(one["seconds_frame"], one[error]) for one in mine if not one["exact"] and one is not default]
+            far = shortfall((default["seconds_frame"], default[error]), others)
+            claim = f"no other is more than {100 * (NEAR - 1):.0f} % better in both time and {words}"
+            rows.append(row(default, f"factor from the front, {words}", exact(far, len(mine)), {}, claim, far <= NEAR))
+        naive = next((one for one in mine if (one["family"], one["setting"]) == (RFGENESIS, PUBLISHED)), None)
+        if naive is not None:
+            ratio = ratios_of(naive["seconds"], default["seconds"])
+            lower = all(default[error] < naive[error] for error in (*ERRORS, "free_error_db"))
+            claim = f"at least {FASTER:g} times faster than the RF-Genesis-style pipeline, at lower error by every measure"
+            rows.append(row(naive, f"its {COST}", ratio, {}, claim, lower and ratio.low >= FASTER))
     return rows
 
 
-def _case(one: Mapping[str, Any], machine: Mapping[str, str], problem: Problem) -> dict[str, Any]:
-    kept = {name: value for name, value in one.items() if name not in ("seconds", "exact")}
-    seconds = {"least_s_frame": min(one["seconds"]), "most_s_frame": max(one["seconds"])}
-    return kept | seconds | {"title": problem.title, "machine": "; ".join(machine.values())}
+def _row(
+    machine: Mapping[str, str], title: str, domain: str, one: Mapping[str, Any], metric: str, found: Estimate, marks: Mapping[str, bool],
+    claim: str = "", holds: bool | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """Return one row of the table from the measurement `one` of a method."""
+    return {
+        **{name: one.get(name) for name in MEASURED}, "least_s_frame": min(one["seconds"]), "most_s_frame": max(one["seconds"]),
+        "title": title, "machine": "; ".join(machine.values()), "exact": one["exact"], **{name: one.get(name) for name in SCORED}, **marks,
+        "claim": claim, **claims.score_columns(metric, found, domain, holds, one.get("keys", ())),
+    }  # fmt: skip
 
 
 def campaign_rows(methods: Sequence[Mapping[str, Any]], machine: Mapping[str, str], domain: str) -> list[dict[str, Any]]:
     """Return rows for the campaign's recordings: each method's relative run time and two errors, then the claims about faster methods."""
-    default = methods[0]
-    rows: list[dict[str, Any]] = []
-
-    def add(
-        one: Mapping[str, Any], metric: str, value: tuple[float, float, float], n: int, claim: str = "", holds: bool | None = None
-    ) -> None:
-        rows.append({
-            **dict.fromkeys(MEASURED), **{name: one[name] for name in ("problem", "family", "setting", "seconds_frame", "exact")},
-            "least_s_frame": min(one["seconds"]), "most_s_frame": max(one["seconds"]), "title": campaign_methods.TITLE,
-            "machine": "; ".join(machine.values()), "front": None, "front of the signal": None,
-            "feature_error": one["feature_error"], "recognition_error": one["recognition_error"],
-            "front of features": one in by_features,
-            "front of recognition": one in by_recognition, "claim": claim, "run_keys": claims.told(one["keys"]), "metric": metric,
-            "paper": None, "value": value[1], "low": value[0], "high": value[2], "n": n, "domain": domain,
-            "verdict": claims.limit_kept(holds),
-        })  # fmt: skip
-
-    scores = {"features": lambda one: one["feature_error"], "recognition": lambda one: one["recognition_error"]}
-    places = {name: [(one["seconds_frame"], score(one)) for one in methods] for name, score in scores.items()}
-    by_features, by_recognition = ([one for one, on in zip(methods, front(places[name]), strict=True) if on] for name in scores)
-    for one in methods:
-        ratios = ratios_of(one["seconds"], default["seconds"])
-        add(one, "seconds a frame over those of the default", ratios, len(one["seconds"]))
+    default, row = methods[0], partial(_row, machine, campaign_methods.TITLE, domain)
+    scores = {"features": "feature_error", "recognition": "recognition_error"}
+    fronts = {f"front of {name}": front([(one["seconds_frame"], one[score]) for one in methods]) for name, score in scores.items()}
+    marks = [dict(zip(fronts, on, strict=True)) for on in zip(*fronts.values(), strict=True)]
+    rows = [row(one, COST, ratios_of(one["seconds"], default["seconds"]), mark) for one, mark in zip(methods, marks, strict=True)]
+    # standard errors of the default's scores
+    errors = {
+        "features": default["spread of feature_error"], "recognition": _share_error(default["recognition_error"], default["answers"]),
+    }  # fmt: skip
     for name, score in scores.items():
-        worse = {
-            "features": default["spread of feature_error"],
-            "recognition": _share_error(default["recognition_error"], default["answers"]),
-        }
-        as_good = [one for one in methods if score(one) <= score(default) + worse[name]]  # within one standard error
-        far = default["seconds_frame"] / min(one["seconds_frame"] for one in as_good)
+        as_good = [one["seconds_frame"] for one in methods if one[score] <= default[score] + errors[name]]
+        far = default["seconds_frame"] / min(as_good)
         claim = f"no other that is as good in {name}, within a standard error, is more than {100 * (NEAR - 1):.0f} % faster"
-        add(default, f"times the cheapest that is as good in {name}", (far, far, far), len(methods), claim, far <= NEAR)
+        metric = f"times the cheapest that is as good in {name}"
+        rows.append(row(default, metric, exact(far, len(methods)), marks[0], claim, far <= NEAR))
     return rows
 
 
@@ -167,44 +173,8 @@ def _share_error(share: float, answers: int) -> float:
     return float(np.sqrt(fair * (1 - fair) / answers))
 
 
-def ratios_of(seconds: Sequence[float], default_s: Sequence[float]) -> tuple[float, float, float]:
-    """Return the (smallest, median, largest) ratio of two methods' seconds in the same round, over the last rounds of both methods."""
+def ratios_of(seconds: Sequence[float], default_s: Sequence[float]) -> Estimate:
+    """Return the median and the range of the ratio of two methods' seconds in the same round, over the last rounds of both methods."""
     n = min(len(seconds), len(default_s))
     ratio = np.array(seconds[-n:]) / np.array(default_s[-n:])
-    return float(ratio.min()), float(np.median(ratio)), float(ratio.max())
-
-
-def _on_front(mine: Sequence[Mapping[str, Any]], error: str) -> list[bool]:
-    marks = iter(front([(one["seconds_frame"], one[error]) for one in mine if not one["exact"]]))
-    return [not one["exact"] and next(marks) for one in mine]
-
-
-def _claims(
-    mine: Sequence[Mapping[str, Any]], default: Mapping[str, Any], machine: Mapping[str, str], problem: Problem
-) -> list[dict[str, Any]]:
-    """Return the rows of two claims about a test problem.
-
-    The first claim is that the default method is on the Pareto fronts of signal error and profile error. The second claim is that it is
-    faster than RF-Genesis as published.
-    """
-    rows = []
-
-    def add(one: Mapping[str, Any], metric: str, claim: str, value: tuple[float, float, float], n: int, holds: bool) -> None:
-        rows.append({
-            **_case(one, machine, problem), "exact": False, "front": None, "front of the signal": None, **UNSCORED,
-            "claim": claim, "run_keys": "", "metric": metric, "paper": None, "value": value[1], "low": value[0], "high": value[2], "n": n,
-            "domain": problem.truth, "verdict": claims.limit_kept(holds),
-        })  # fmt: skip
-
-    for error, words in ERRORS.items():
-        others = [(one["seconds_frame"], one[error]) for one in mine if not one["exact"] and one is not default]
-        far = shortfall((default["seconds_frame"], default[error]), others)
-        claim = f"no other is more than {100 * (NEAR - 1):.0f} % better in both time and {words}"
-        add(default, f"factor from the front, {words}", claim, (far, far, far), len(mine), far <= NEAR)
-    naive = next((one for one in mine if (one["family"], one["setting"]) == (RFGENESIS, PUBLISHED)), None)
-    if naive is not None:
-        ratio = ratios_of(naive["seconds"], default["seconds"])
-        lower = all(default[error] < naive[error] for error in (*ERRORS, "free_error_db"))
-        claim = f"at least {FASTER:g} times faster than the RF-Genesis-style pipeline, at lower error by every measure"
-        add(naive, "its seconds a frame over those of the default", claim, ratio, len(naive["seconds"]), lower and ratio[0] >= FASTER)
-    return rows
+    return Estimate(float(np.median(ratio)), float(ratio.min()), float(ratio.max()), len(seconds))

@@ -11,6 +11,7 @@ import numpy as np
 from experiments import claims
 from experiments.speed.methods import OURS, Method
 from experiments.stability.sweeps import METHODS, SWEEPS, Sweep
+from experiments.statistics import exact
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, figure
@@ -31,6 +32,7 @@ TABLE = Table(
 )
 
 LIMIT_DB = 3.0
+METRIC = f"values before the error passes {LIMIT_DB:g} dB"
 DOMAIN = "closed forms, series, quadrature, image sources, full-wave fields"
 CLAIM = "the largest safe region of all methods"
 FINITE = "no method crashes or returns a value that is not a number"
@@ -50,11 +52,8 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         rows += sweep_rows(sweep, [(method, next(found)) for method in METHODS])
     broken = sum(math.isnan(float(one)) for row in rows for one in row["errors_db"].split())
     tried = sum(len(row["errors_db"].split()) for row in rows)
-    rows.append({
-        **dict.fromkeys(rows[0], ""), "sweep": "all", "title": "all sweeps", "claim": FINITE, "metric": "evaluations that broke",
-        "paper": None, "value": float(broken), "low": float(broken), "high": float(broken), "n": tried, "domain": DOMAIN,
-        "verdict": claims.limit_kept(not broken),
-    })  # fmt: skip
+    score = claims.score_columns("evaluations that broke", exact(broken, tried), DOMAIN, not broken)
+    rows.append({**dict.fromkeys(rows[0], ""), "sweep": "all", "title": "all sweeps", "claim": FINITE, **score})
     metrics = {f"safe values of {row['sweep']}": row["value"] for row in rows if row["family"] == OURS} | {"broken": float(broken)}
     return Result(TABLE.name, rows, {TABLE.name: lambda: map_of(rows)}, metrics)
 
@@ -95,10 +94,8 @@ def sweep_rows(sweep: Sweep, found: Sequence[tuple[Method, Sequence[float]]]) ->
             "setting": method.setting,
             "values": " ".join(f"{value:g}" for value in sweep.values), "errors_db": " ".join(f"{one:.2f}" for one in errors),
             "safe": safe_words(sweep, count), "fails at": f"{sweep.values[count]:g} {sweep.unit}" if count < len(errors) else "",
-            "why": sweep.why if mine else "", "claim": CLAIM if mine else "", "run_keys": "",
-            "metric": f"values before the error passes {LIMIT_DB:g} dB", "paper": None, "value": float(count), "low": float(count),
-            "high": float(count), "n": len(errors), "domain": DOMAIN,
-            "verdict": claims.limit_kept(count == best > 0 if mine else None),
+            "why": sweep.why if mine else "", "claim": CLAIM if mine else "",
+            **claims.score_columns(METRIC, exact(count, len(errors)), DOMAIN, count == best > 0 if mine else None),
         })  # fmt: skip
     return rows
 
@@ -135,6 +132,8 @@ def map_of(rows: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def _block(panel: Any, mine: Sequence[Mapping[str, Any]], colours: Any, norm: Any) -> None:
+    from matplotlib.patches import Rectangle
+
     errors = np.array([[float(one) for one in row["errors_db"].split()] for row in mine])
     values = mine[0]["values"].split()
     panel.imshow(np.nan_to_num(errors, nan=40.0), cmap=colours, norm=norm, aspect="auto")
@@ -148,19 +147,12 @@ def _block(panel: Any, mine: Sequence[Mapping[str, Any]], colours: Any, norm: An
         for column, one in enumerate(row):
             text = "40+" if one >= 40 else f"{one:.1f}" if one < 9.95 else f"{one:.0f}"
             panel.text(column, line, text, ha="center", va="center", fontsize=5.3, color="white" if one < 1 or one >= 12 else "black")
-        words = mine[line]["fails at"]
         panel.text(len(row) - 0.42, line, verdict(mine[line]), fontsize=5.8, va="center")
-        if words:
-            first = words.split()[0]
-            panel.add_patch(_frame(values.index(first), line))
+        if words := mine[line]["fails at"]:
+            corner = values.index(words.split()[0]) - 0.48, line - 0.46
+            panel.add_patch(Rectangle(corner, 0.96, 0.92, fill=False, ec="black", lw=0.9))
 
 
 def verdict(row: Mapping[str, Any]) -> str:
     """Return as text the value of the sweep at which a method fails."""
     return "safe throughout" if not row["fails at"] else "never safe" if not row["value"] else f"fails at {row['fails at']}"
-
-
-def _frame(column: int, line: int) -> Any:
-    from matplotlib.patches import Rectangle
-
-    return Rectangle((column - 0.48, line - 0.46), 0.96, 0.92, fill=False, ec="black", lw=0.9)

@@ -132,28 +132,19 @@ def sheet(side_m: float, cells: int) -> trimesh.Trimesh:
     return trimesh.Trimesh(vertices, faces, process=False)
 
 
-def _damaged(method: Method, holes: float = 0.0, noise_m: float = 0.0) -> float:
-    """Return the rms level error in dB of a scanned plate over three random draws.
-
-    `holes` is the share of missing faces, and `noise_m` is the height noise in metres.
+def _damaged(kind: str, method: Method, value: float) -> float:
+    """Return the rms level error in dB of a scanned plate over three random draws: with `value` percent of its faces missing (kind
+    "holes"), or with a height noise of `value` millimetres (kind "noise").
     """
     errors = []
     for seed in range(3):
         mesh, rng = sheet(0.2, 20), np.random.default_rng(seed)
-        if holes:
-            mesh.update_faces(rng.random(len(mesh.faces)) >= holes)
-        if noise_m:
-            mesh = trimesh.Trimesh(mesh.vertices + rng.normal(size=mesh.vertices.shape) * [noise_m, 0, 0], mesh.faces, process=False)
+        if value and kind == "holes":
+            mesh.update_faces(rng.random(len(mesh.faces)) >= value / 100)
+        if value and kind == "noise":
+            mesh = trimesh.Trimesh(mesh.vertices + rng.normal(size=mesh.vertices.shape) * [value / 1e3, 0, 0], mesh.faces, process=False)
         errors.append(off(method, samples(method, *alone(mesh, 2.0)), facing("plate", 0.2, 2.0)))
     return float(np.sqrt(np.mean(np.square(errors))))
-
-
-def _holes(method: Method, value: float) -> float:
-    return _damaged(method, holes=value / 100)
-
-
-def _noise(method: Method, value: float) -> float:
-    return _damaged(method, noise_m=value / 1e3)
 
 
 def _near(method: Method, value: float) -> float:
@@ -279,9 +270,10 @@ SWEEPS = (
           "regular ray tubes cover the wavefront at any position of the grid, but the points of a camera do not"),
     Sweep("facets", "sides of a can's mesh", "sides", "numerical", (128, 64, 32, 16, 12, 8, 6), _facets,
           "vertex normals make the sides round, but the outline stays a polygon"),
-    Sweep("holes", "holes in a scanned plate", "% of faces", "knowledge", (0, 1, 2, 5, 10, 20, 40), _holes,
+    Sweep("holes", "holes in a scanned plate", "% of faces", "knowledge", (0, 1, 2, 5, 10, 20, 40), partial(_damaged, "holes"),
           "missing faces return no echo, so the level falls by 20 lg of the remaining share of the area"),
-    Sweep("noise", "height noise of a scanned plate", "mm rms", "physical", (0.0, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6), _noise,
+    Sweep("noise", "height noise of a scanned plate", "mm rms", "physical",
+          (0.0, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6), partial(_damaged, "noise"),
           "a height noise of a tenth of the wavelength destroys the specular echo of a plate, as in reality; fitted planes average it"),
     Sweep("near", "distance of a 15 cm trihedral", "m", "physical", (8.0, 4.0, 2.0, 1.0, 0.5, 0.3), _near,
           "a far-field cross-section holds beyond 2 D^2/lambda = 24 m"),

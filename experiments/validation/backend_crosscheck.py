@@ -225,14 +225,9 @@ def _rows(key: tuple[str, str, str], each: list[Compared], config: Config) -> li
     def row(
         metric: str, samples: np.ndarray, holds: Callable[[float, float], bool] | None, limits: tuple[float, float] = statistics.POSITIVE
     ) -> dict[str, Any]:
-        n = len(samples)
-        found = statistics.mean(samples, config.profile.resamples, config.seed, limits) if n else None
-        low, value, high = (found.low, found.value, found.high) if found else (None, None, None)
-        verdict = claims.limit_kept(None if holds is None or low is None or high is None else holds(low, high))
-        return {
-            "room": room, "detail": detail, "reference": name, "claim": CLAIMS[metric] if holds else "", "metric": metric, "run_keys": "",
-            "paper": None, "value": value, "low": low, "high": high, "n": n, "domain": "simulation", "verdict": verdict,
-        }  # fmt: skip
+        case = {"room": room, "detail": detail, "reference": name, "claim": CLAIMS[metric] if holds else ""}
+        found = statistics.mean(samples, config.profile.resamples, config.seed, limits) if len(samples) else statistics.exact(np.nan, 0)
+        return case | claims.score_columns(metric, found, "simulation", holds(found.low, found.high) if holds else None)
 
     def joined(field: str) -> np.ndarray:
         return np.concatenate([getattr(one, field) for one in each]).astype(float)

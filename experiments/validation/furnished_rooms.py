@@ -51,35 +51,29 @@ class Score:
         return max(float(getattr(one, measure)) for one in (self.compared, self.on_track))
 
 
-def simulated(scene: Scene, frames: int) -> tuple[np.ndarray, int]:
-    """Return the samples (N,) of the first channel and chirp of a radar at the origin, and the number of paths of its frame.
+def simulated(scene: Scene, frames: int) -> tuple[np.ndarray, int, float]:
+    """Return the samples (N,) of the first channel and chirp of a radar at the origin, the number of paths of its frame, and the wall
+    time of the simulation in seconds.
 
     frames: odd number of frames of a track along y, of which the middle one is at the origin; 1 for a radar at rest. The radar moves so
     slowly that it stays in place during a chirp.
     """
+    began = time.perf_counter()
     radar, middle = replace(furnished.radar(), frame_rate_hz=SLOW_HZ), frames // 2
     track = np.repeat(np.eye(4)[None], frames, axis=0)
     track[:, 1, 3] = STEP_M * (np.arange(frames) - middle)
     parts = [part.frames(middle, middle + 1) for part in trace_paths(scene, radar, track, None, TraceSettings())[0]]
-    return received(parts, radar, 1)[0, 0, 0, 0], sum(map(len, parts))
+    samples = received(parts, radar, 1)[0, 0, 0, 0]
+    return samples, sum(map(len, parts)), time.perf_counter() - began
 
 
 @cache
 def score(folder: Path, name: str) -> Score:
     """Simulate a room of a folder at rest and on a track, and compare both with its full-wave field."""
     scene = fullwave.scene(folder, name)
-    times = [time.perf_counter()]
-    (samples, paths), (moving, _) = (_timed(scene, frames, times) for frames in (1, FRAMES))
-    rest, track = np.diff(times)
+    (samples, paths, rest), (moving, _, track) = (simulated(scene, frames) for frames in (1, FRAMES))
     compared, on_track = (fullwave.compare(folder, name, one) for one in (samples, moving))
     return Score(folder, name, compared, on_track, paths, rest, 1e3 * track / FRAMES)
-
-
-def _timed(scene: Scene, frames: int, times: list[float]) -> tuple[np.ndarray, int]:
-    """Return the result of `simulated`, and append the time of its end to a list."""
-    found = simulated(scene, frames)
-    times.append(time.perf_counter())
-    return found
 
 
 def rooms() -> list[tuple[Path, str]]:
@@ -96,17 +90,15 @@ def worst(full: bool) -> Score:
 
 def table(scores: Iterable[Score]) -> str:
     """Return the table of scores as text, with the median and the worst of each column."""
-    rows = [
-        (s.name, s.compared.profile_db, s.compared.error, s.on_track.profile_db, s.on_track.error, s.paths, s.seconds, s.frame_ms)
-        for s in scores
-    ]
-    values = np.array([row[1:] for row in rows])
-    rows += [("median", *np.median(values, axis=0)), ("worst", *values.max(axis=0))]
-    head = f"{'room':22s} profile dB  complex  track dB  complex  paths  seconds  ms/frame"
-    return "\n".join([head, *(
-        f"{name:22s} {db:10.2f} {error:8.3f} {track_db:9.2f} {track_error:8.3f} {paths:6.0f} {seconds:8.2f} {ms:9.1f}"
-        for name, db, error, track_db, track_error, paths, seconds, ms in rows
-    )])  # fmt: skip
+    import pandas as pd
+
+    rows = pd.DataFrame({
+        s.name: {
+            "profile dB": s.compared.profile_db, "complex": s.compared.error, "track dB": s.on_track.profile_db,
+            "track complex": s.on_track.error, "paths": s.paths, "seconds": s.seconds, "ms/frame": s.frame_ms,
+        } for s in scores
+    }).T  # fmt: skip
+    return pd.concat([rows, rows.agg(["median", "max"]).rename({"max": "worst"})]).round(3).to_string()
 
 
 def drawing(shown: Score) -> Figure:

@@ -143,14 +143,13 @@ def rows_of(measurement: Measurement, compare: Callable[[Config], Iterator[Compa
 
 
 def _row(measurement: Measurement, compared: Compared) -> dict[str, Any]:
-    value, low, high = (one if np.isfinite(one) else None for one in (compared.found.value, compared.found.low, compared.found.high))
-    end = low if compared.overlaps else high
-    holds = None if value is None or compared.limit is None else (value if end is None else end) <= compared.limit
-    limit = f"low <= {compared.limit:.3g}" if compared.overlaps and compared.limit else compared.limit
+    found, limit = compared.found, compared.limit
+    end = found.low if compared.overlaps else found.high
+    holds = None if limit is None else (end if np.isfinite(end) else found.value) <= limit
     return {
-        "measurement": measurement.name, "method": compared.method, "claim": compared.claim, "limit": limit, "note": compared.note,
-        "source": measurement.source, "licence": measurement.licence, "run_keys": "", "metric": compared.quantity, "paper": None,
-        "value": value, "low": low, "high": high, "n": compared.found.n, "domain": DOMAIN, "verdict": claims.limit_kept(holds),
+        "measurement": measurement.name, "method": compared.method, "claim": compared.claim,
+        "limit": f"low <= {limit:.3g}" if compared.overlaps and limit else limit, "note": compared.note,
+        "source": measurement.source, "licence": measurement.licence, **claims.score_columns(compared.quantity, found, DOMAIN, holds),
     }  # fmt: skip
 
 

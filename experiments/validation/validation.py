@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments import claims
+from experiments.statistics import Estimate, exact
 from experiments.validation import furnished_rooms
 from experiments.validation.oracles import dielectrics, energy, motion, near, rooms, sampling, targets
 from experiments.validation.oracles.case import Case, Untestable, reference_rows
@@ -74,21 +75,18 @@ def row(case: Case, full: bool) -> dict[str, Any]:
     """Compute a validation case and return its table row. If a validation case cannot be tested, the column `oracle` of its row gives
     the reason.
     """
-    shared = {"subject": case.subject, "case": case.name, "claim": case.claim}
-    score = {"limit": case.limit, "unit": case.unit or "-", "run_keys": "", "metric": case.metric, "paper": None, "low": None, "high": None}
     started = time.perf_counter()
+    oracle, reference, ours, error, seconds, estimate = case.oracle, None, None, None, None, exact(math.nan, 0)
     try:
         found = case.compare(full)
+        reference, ours, error = found.reference, found.ours, found.error if math.isfinite(found.error) else NOT_FINITE
+        seconds, estimate = round(time.perf_counter() - started, 2), Estimate(error, -math.inf, math.inf, found.n)  # without an interval
     except Untestable as reason:
-        return {
-            **shared, "oracle": f"absent: {reason}", "reference": None, "ours": None, "error": None, **score,
-            "value": None, "n": 0, "domain": DOMAIN, "verdict": "", "seconds": None,
-        }  # fmt: skip
-    error = found.error if math.isfinite(found.error) else NOT_FINITE
+        oracle = f"absent: {reason}"
     return {
-        **shared, "oracle": case.oracle, "reference": found.reference, "ours": found.ours, "error": error, **score,
-        "value": error, "n": found.n, "domain": DOMAIN, "verdict": claims.limit_kept(found.error <= case.limit),
-        "seconds": round(time.perf_counter() - started, 2),
+        "subject": case.subject, "case": case.name, "claim": case.claim, "oracle": oracle, "reference": reference, "ours": ours,
+        "error": error, "limit": case.limit, "unit": case.unit or "-",
+        **claims.score_columns(case.metric, estimate, DOMAIN, error is not None and error <= case.limit), "seconds": seconds,
     }  # fmt: skip
 
 

@@ -15,7 +15,7 @@ import pytest
 from experiments.scans.accuracy import accuracy
 from experiments.scans.scan import FEWEST, TARGETS, case_rows, scores
 from experiments.scans.virtual_scan import scanned
-from experiments.speed.bench_scan import measure
+from experiments.speed.bench import reconstruction
 from radartwin.reconstruct.frames.folder import save_frames
 from radartwin.reconstruct.frames.layouts import load_frames
 from radartwin.reconstruct.fusion.fusion import fuse
@@ -52,7 +52,7 @@ def test_scan_scores_stay_within_recorded_bounds(room: str, strength: float, tmp
 
 def test_fusion_of_the_largest_room_needs_less_than_a_minute_on_two_cores_and_four_gigabytes():
     code = (
-        "import time; from experiments.speed.peak_memory import peak_gib; from radartwin.reconstruct.fusion.fusion import fuse\n"
+        "import time; from experiments.speed.machine import peak_gib; from radartwin.reconstruct.fusion.fusion import fuse\n"
         "from radartwin.scene import rooms; from radartwin.testbed.scanner import scan\n"
         "frames = scan(rooms.atrium(), seed=0, colour_every=0)[0]\n"
         "start = time.process_time()\n"
@@ -66,7 +66,7 @@ def test_fusion_of_the_largest_room_needs_less_than_a_minute_on_two_cores_and_fo
 
 
 def test_half_a_million_triangles_need_less_than_four_gigabytes():
-    found = measure(500_000)
+    found = reconstruction()
     assert found["faces"] >= 500_000
     assert found["peak_gib"] < 4.0
     assert found["core_seconds"] < 120  # limit in core seconds; two cores need 60 s

@@ -5,16 +5,16 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.speed import bench, frameworks
-from experiments.speed.bench_figures import FEWEST, FIGURES, LAST, Figure, Values, change, earlier, table
+from experiments.speed import bench
+from experiments.speed.bench_figures import FEWEST, FIGURES, LAST, Figure, change, earlier, table
 
 MACHINE = {"processor": "a, b", "cores": 2, "variant": "llvm"}
 DRIVE = next(figure for figure in FIGURES if figure.name == "drive frame")
 SINGLE = next(figure for figure in FIGURES if figure.name == "object only, 100 frames in one call")
+DRIVES = [figure.name for figure in FIGURES if figure.benchmark == "drives"]
 STEADY = [100.0, 101.0, 99.0, 102.0, 100.0]
 
 
@@ -66,8 +66,7 @@ def test_last_runs_with_a_value_are_compared() -> None:
 
 
 def test_table_shows_target_verdict_and_change() -> None:
-    values = Values()
-    values["drive frame"], values["track set-up"], values["one frame in one call, sphere"] = 130.0, 7.25, 3.0
+    values = {"drive frame": 130.0, "track set-up": 7.25, "one frame in one call, sphere": 3.0}
     values["object only, 100 frames in one call"] = 999.0
     head, *rows = table(values, history(STEADY), MACHINE).splitlines()
     assert head.split("  ")[0] == "figure"
@@ -84,12 +83,19 @@ def test_table_without_history_file(tmp_path: Path) -> None:
     assert "no history yet" in table({"drive frame": 20.0}, bench.read(tmp_path / "absent.csv"), MACHINE)
 
 
-def test_undeclared_figures_are_impossible(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(KeyError, match="'drive frames' is not a declared figure"):
-        Values()["drive frames"] = 1.0
-    monkeypatch.setitem(bench.BENCHMARKS, "drives", lambda repeats, values, variant: values.__setitem__("drive frame", 1.0))
-    with pytest.raises(RuntimeError, match=r"drives did not measure track set-up, object track set-up, drive frame past a can, "):
+@pytest.mark.parametrize(
+    ("found", "message"),
+    [
+        ({"drive frame": 1.0}, "drive frame past a can, .*track set-up, clutter: measured or declared"),
+        (dict.fromkeys([*DRIVES, "drive frames"], 1.0), "^drive frames: measured or declared"),
+    ],
+)
+def test_a_benchmark_measures_its_declared_figures(monkeypatch: pytest.MonkeyPatch, found: dict[str, float], message: str) -> None:
+    monkeypatch.setitem(bench.BENCHMARKS, "drives", lambda repeats, variant: found)
+    with pytest.raises(RuntimeError, match=message):
         bench.measured(["drives"], 1, "llvm")
+    monkeypatch.setitem(bench.BENCHMARKS, "drives", lambda repeats, variant: dict.fromkeys(DRIVES, 1.0))
+    assert bench.measured(["drives"], 1, "llvm") == dict.fromkeys(DRIVES, 1.0)
 
 
 def test_figures_have_distinct_columns_known_benchmarks_and_sources() -> None:
@@ -112,9 +118,3 @@ def test_columns_of_the_stored_history_are_machine_fields_or_figures() -> None:
     fields = {"date", "commit", "changed", "processor", "cores", "load", "python", "repeats", "variant"}
     stored = {name for name in bench.read().columns if not name.startswith("rfgenesis to radartwin")}
     assert fields <= stored <= fields | {figure.column for figure in FIGURES}
-
-
-@pytest.mark.parametrize("by", [frameworks.by_torch, frameworks.by_drjit])
-def test_compared_frameworks_compute_equal_terms(by) -> None:
-    paths = frameworks.sample(500)
-    np.testing.assert_allclose(by(paths)(), frameworks.by_numba(paths)(), rtol=1e-9)

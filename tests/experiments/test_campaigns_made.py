@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from experiments.campaign import table, tally, truth, twin
@@ -125,31 +126,26 @@ def test_a_scan_is_added_to_the_first_recording_of_its_room(config: Config, stor
     scan = store.fetch(virtual_scan.KIND, spec, virtual_scan.ROOTS, lambda folder: None)
     later = scan.read_json("meta") | {"finished": "2100-01-01T00:00:00+00:00", "seconds": 3.0}
     (scan.path / "meta.json").write_text(json.dumps(later))
-    scanned = [(one.setups, round(one.seconds[0])) for one in table.make(campaign, progress) if one.domain == "twin"]
-    alone = [(one.setups, round(one.seconds[0])) for one in before if one.domain == "twin"]
-    assert scanned[0] == (alone[0][0] + 1, alone[0][1] + 3)
-    assert scanned[1:] == alone[1:]
-    without = [one.setups for one in table.make(Campaign(void, store, progress), progress) if one.domain == "twin"]
-    assert without == [setups for setups, _ in alone]  # without a simulated room, there is no scan
+    alone, scanned = (made.loc[made.domain == "twin", ["set_ups", "clean_s"]] for made in (before, table.make(campaign, progress)))
+    assert (scanned - alone).round(2).to_numpy().tolist() == [[1, 3.0], *[[0, 0.0]] * (len(alone) - 1)]
+    without = table.make(Campaign(void, store, progress), progress)
+    assert without.set_ups[without.domain == "twin"].equals(alone.set_ups)  # without a simulated room, there is no scan
 
 
 def test_the_papers_campaign_is_extrapolated_from_set_ups_states_and_frames() -> None:
-    def made(setups: int, seconds: float) -> table.Made:
-        return table.Made(
-            "measured", Case("mug", "atrium", "depth", 1.0), ("k", "k"), (seconds, 0.5), (1.0, 1.0), (5000, 1000), 50, 50, setups
-        )
-
+    made = pd.DataFrame({"clean_s": [31.0, 1.0, 1.0], "processing_s": 0.5, "frames": 50, "traced": 50, "set_ups": [1, 0, 0]})
     drives = 6 * [(50, 50)]
-    seconds = table.extrapolated([made(1, 31.0), made(0, 1.0), made(0, 1.0)], drives, 2)
+    seconds = table.extrapolated(made, drives, 2)
     assert seconds == pytest.approx(2 * 30 + 6 * (1.0 + 0.5))  # set-up of two rooms, and six drives
-    alone = table.extrapolated([made(1, 31.0)], drives, 2)
+    alone = table.extrapolated(made[:1], drives, 2)
     assert alone == pytest.approx(6 * 31.5)  # the set-up time is unknown, so each recording includes it
 
 
 def test_targets_are_judged(config: Config, store: Store, first_run: object) -> None:
     made = table.make(Campaign(config, store, Progress(quiet=True)), Progress(quiet=True))
     for seconds, verdict in ((0.03, "holds"), (0.2, "misses")):  # seconds of each frame
-        rows = table.rows(config, [replace(one, seconds=((seconds + 1e-4 * k) * one.frames, 0.0), setups=0) for k, one in enumerate(made)])
+        slow = made.assign(clean_s=(seconds + 1e-4 * np.arange(len(made))) * made.frames, processing_s=0.0, set_ups=0)
+        rows = table.rows(config, slow)
         verdicts = {row["claim"]: row["verdict"] for row in rows if row["claim"]}
         assert verdicts[table.FRAME.text] == verdict
         assert verdicts[table.DISK.text] == "holds"

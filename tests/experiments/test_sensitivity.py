@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from fake_campaign import FakeCampaign
 
@@ -28,14 +29,8 @@ def twin(shift: float, frame_s: float, figure: float | None) -> Twin:
     seconds = np.full(6, frame_s) + setups * 30.0 / 36
     moved = VALUES + shift * VALUES.std(axis=0)
     figures = {} if figure is None else {("linear_rail", "error_m"): (figure, ["rail0", "rail1"])}
-    return Twin(
-        {"turntable": moved},
-        {"turntable": [f"k{n}" for n in range(6)]},
-        {"turntable": seconds},
-        {"turntable": setups},
-        {"turntable": 36},
-        figures,
-    )
+    columns = {"motion": "turntable", "key": [f"k{n}" for n in range(6)], "features": list(moved), "frame_s": seconds}
+    return Twin(pd.DataFrame(columns | {"setups": setups, "frames": 36}), figures)
 
 
 def cell(rows: list[dict], setting: str, metric: str) -> dict:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import miepython
 import numpy as np
+import pandas as pd
 import pytest
 
 from analysis.pages import choosing
@@ -138,7 +139,8 @@ def test_speed_claim_needs_every_error_lower(seconds: float, error: float, free:
 
 
 def test_ratios_compare_the_same_rounds() -> None:
-    assert speed_accuracy.ratios_of([2.0, 8.0], [9.0, 1.0, 2.0]) == (2.0, 3.0, 4.0)
+    found = speed_accuracy.ratios_of([2.0, 8.0], [9.0, 1.0, 2.0])
+    assert (found.low, found.value, found.high, found.n) == (2.0, 3.0, 4.0, 2)
 
 
 def test_one_sum_of_the_published_generator_equals_that_of_its_frame() -> None:
@@ -221,13 +223,17 @@ def test_interactive_chart_shows_every_point_on_every_pair_of_axes() -> None:
     assert "this tracer, </script>" not in text
     views = json.loads(re.search(r"const views = (.*);\n", text).group(1))  # type: ignore[union-attr]
     assert set(views) == {f"{cost} {error}" for cost in chart_page.COSTS for error in chart_page.ERRORS}
-    coordinates, axes = views["seconds_frame profile_error_db"]
-    best, tracer, points = zip(coordinates["x"], coordinates["y"], strict=True)
-    assert best == ([0.1, 1.0], [5.0, 1.0])
-    assert tracer == ([1.0, 2.0], [1.0, 5.0])
-    assert points == ([0.1], [5.0])
-    assert axes["xaxis.title.text"] == chart_page.COSTS["seconds_frame"]
-    assert views["seconds_frame feature_error"][0]["y"] == [[], [None, None], [None]]
+
+
+def test_interactive_chart_joins_the_points_of_the_front() -> None:
+    rows = rows_of(measured(POINTS, "table", [0.1] * 3, 5.0), measured(OURS, "slow", [2.0] * 3, 5.0))
+    frame = pd.DataFrame([row for row in rows if not row["claim"]])
+    drawn, empty = (cast(Any, chart_page.figure(frame, "seconds_frame", error)) for error in ("profile_error_db", "feature_error"))
+    default, slow, table, line = [list(zip(one.x, one.y, strict=True)) for one in drawn.data]
+    assert (default, slow, table) == ([(1.0, 1.0)], [(2.0, 5.0)], [(0.1, 5.0)])
+    assert [point for point in line if np.isfinite(point[1])] == [(0.1, 5.0), (1.0, 1.0)]
+    assert drawn.layout.xaxis.title.text == chart_page.COSTS["seconds_frame"]
+    assert all(len(one.y) == 0 for one in empty.data)
 
 
 def test_chart_labels_every_named_point() -> None:

@@ -13,7 +13,7 @@ from PIL import Image
 from trimesh import Trimesh
 from trimesh.visual import ColorVisuals, TextureVisuals
 
-from experiments.speed.peak_memory import peak_gib
+from experiments.speed.machine import peak_gib
 from radartwin.errors import InputError, MissingError, PoseError
 from radartwin.label.answers import FINISH_WORDS
 from radartwin.label.photos import load_photos, save_photos

@@ -122,7 +122,7 @@ def test_extreme_poses_give_finite_results():
 def test_three_million_rays_in_a_room_fit_in_two_gigabytes():
     """The test measures the peak resident memory of a whole process."""
     code = (
-        "import numpy as np, trimesh\nfrom experiments.speed.peak_memory import peak_gib\n"
+        "import numpy as np, trimesh\nfrom experiments.speed.machine import peak_gib\n"
         "from radartwin.simulation import geometry, reflection_table, variant\nfrom radartwin.simulation.curved import tube_grid, tubes\n"
         "from radartwin.simulation.hits import Antennas, TraceOptions\n"
         "variant.activate('llvm')\n"

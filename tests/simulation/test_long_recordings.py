@@ -154,7 +154,7 @@ def test_a_killed_simulation_leaves_no_file(tmp_path: Path) -> None:
 def test_memory_does_not_grow_with_frames(tmp_path: Path) -> None:
     """Compare the peak memory of 300 and 3,000 frames. Both recordings have blocks of the largest size."""
     code = (
-        "import sys, numpy as np, radartwin as rt; from experiments.speed.peak_memory import peak_gib\n"
+        "import sys, numpy as np, radartwin as rt; from experiments.speed.machine import peak_gib\n"
         "sys.path.insert(0, sys.argv[3])\n"
         "import test_long_recordings as made\n"
         "rt.simulate(made.scene(), made.RADAR, made.drive(int(sys.argv[2])), max_bounces=2, noise=True, out=sys.argv[1])\n"
