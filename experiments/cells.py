@@ -10,15 +10,16 @@ each selected recording, `per` one unit for each object, and an array is used as
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from experiments import draws, statistics
+from experiments import statistics
 from experiments.campaign.cases import MEASURED, TWIN
 from experiments.campaign.frame import PLACE, Column, Frame
 from experiments.claims import NONE, Claim, Row
@@ -28,6 +29,7 @@ from radartwin.errors import ConfigError
 
 Values = str | Callable[[Frame], Any] | ArrayLike
 Estimator = Callable[[Frame, int, int], Estimate]  # selected rows, resamples, seed
+AVERAGED, SUMMED = ("chance", "seed_sd"), ("answers", "first_only", "second_only")  # columns to average, and to sum, over draws
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,15 +64,73 @@ class Cell:
 Cells = Callable[[Frame], Iterable[Cell]]
 
 
-def table_rows(config: Config, frame: Frame, cells: Cells) -> list[Row]:
-    """Compute the cells for each draw, and join the draws. A twin with a name (column `twin`) has further rows, as in `draws.beside`."""
-    ours = draws.joined_rows([[cell.row(config) for cell in cells(one)] for one in by_draw(frame[frame.twin == ""])])
-    out = list(ours)
-    for twin in (name for name in frame.twin.unique() if name):
-        part = frame[(frame.domain == MEASURED) | (frame.twin == twin)]
-        theirs = draws.joined_rows([[cell.row(config) for cell in cells(one)] for one in by_draw(part)])
-        out += draws.beside(theirs, {"twin": twin}, draws.changed_from(ours))
+def table_rows(config: Config, frame: Frame, cells: Cells, exact: Callable[[Row], bool] = lambda row: True) -> list[Row]:
+    """Compute the cells for each draw, and join the draws.
+
+    A twin or a truth with a name has further rows, with this name in the column `twin` or `truth` and without a claim: the rows whose value
+    the twin changes, so that rows of measurements alone are left out, and the rows of another truth that `exact` chooses.
+    """
+
+    def rows(part: Frame) -> list[Row]:
+        return joined_rows([cell.row(config) for cell in cells(one)] for one in by_draw(part))
+
+    def same(row: Row) -> tuple[Any, ...]:
+        return row.metric, *row.case.items()
+
+    usual = configured(frame)
+    out = rows(usual)
+    known = {same(row): row["value"] for row in out}
+    kept = {"twin": lambda row: row["value"] != known.get(same(row)), "truth": exact}
+    for column, domain in (("twin", TWIN), ("truth", MEASURED)):
+        for name in (name for name in frame[column].unique() if name):
+            part = frame[(frame[column] == name) | frame.index.isin(usual.index[usual.domain != domain])]
+            for row in filter(kept[column], rows(part)):
+                out.append(replace(row, case={**row.case, column: name}, claim=Claim(paper=row.claim.paper)))
+                out[-1]["draws"] = row["draws"]
     return out
+
+
+def joined_rows(draws: Iterable[Iterable[Row]]) -> list[Row]:
+    """Join the rows of several draws of one table.
+
+    A joined row is the mean over the draws that have this row (column draws; see statistics.over_draws). The columns AVERAGED and SUMMED
+    may differ between draws.
+    """
+    found: dict[tuple[Any, ...], list[Row]] = {}
+    for row in itertools.chain.from_iterable(draws):
+        fixed = ((name, value) for name, value in row.case.items() if name not in (*AVERAGED, *SUMMED))
+        found.setdefault((row.metric, *fixed), []).append(row)
+    out = []
+    for some in found.values():
+        out.append(_joined(some) if len(some) > 1 else some[0])
+        out[-1]["draws"] = len(some)
+    return out
+
+
+def _joined(rows: Sequence[Row]) -> Row:
+    """Join the rows of several draws. The claim has the mean of each bound, and cannot be decided if most draws cannot decide it."""
+    first, config, case = rows[0], rows[0].config, dict(rows[0].case)
+    for name in (*AVERAGED, *SUMMED):
+        if values := [row.case[name] for row in rows if row.case.get(name) is not None]:
+            case[name] = sum(values) if name in SUMMED else float(np.mean(values))
+    bounds = {}
+    for name in ("bound", "null"):
+        values = [getattr(row.claim, name) for row in rows]
+        bounds[name] = values[0] if len(set(values)) == 1 else float(np.mean(values))
+    reasons = [row.claim.untestable for row in rows if row.claim.untestable]
+    return replace(
+        first,
+        case=case,
+        found=statistics.over_draws([row.found for row in rows], config.profile.resamples, config.seed),
+        recordings=frozenset().union(*(row.recordings for row in rows)),
+        claim=replace(first.claim, **bounds, untestable=reasons[0] if 2 * len(reasons) > len(rows) else ""),
+        count=None if first.count is None else sum(row.count or 0 for row in rows),
+    )
+
+
+def configured(frame: Frame) -> Frame:
+    """Return the rows of the configured testbed, and those of simulations without the name of a twin."""
+    return frame[(frame.twin == "") & (frame.truth == "")]
 
 
 def by_draw(frame: Frame) -> list[Frame]:
@@ -80,8 +140,8 @@ def by_draw(frame: Frame) -> list[Frame]:
 
 
 def first_draw(frame: Frame) -> Frame:
-    """Return the frame of the first draw without the twins that have a name, as the figures show it."""
-    return by_draw(frame[frame.twin == ""])[0]
+    """Return the frame of the first draw of the configured testbed, as the figures show it."""
+    return by_draw(configured(frame))[0]
 
 
 def keys(frame: Frame) -> list[str]:

@@ -7,12 +7,12 @@ test therefore knows which properties of an object are equal in simulation and m
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from experiments.campaign import frame
-from experiments.campaign.cases import REFLECTOR, Case, Motion
+from experiments.campaign.cases import MEASURED, REFLECTOR, TWIN, Case, Motion
 from experiments.campaign.frame import Frame
 from experiments.campaign.source import RecordingSource
 from radartwin.config.compose import compose
@@ -123,9 +123,20 @@ class FakeCampaign:
         return spec_digest([domain, case, source, self.signature, self.gap, frames])[:32], made
 
 
-def frame_of(source: RecordingSource, *motions: str) -> Frame:
+def frame_of(source: RecordingSource, *motions: str, several: bool = False) -> Frame:
     """Read the frame of a campaign, without a store."""
-    return frame.read(source, frame.shared(source, motions or ("turntable",)), Progress(quiet=True))
+    return frame.read(source, frame.shared(source, motions or ("turntable",), several=several), Progress(quiet=True))
+
+
+def sides_of(sides: Mapping[str, RecordingSource], *motions: str) -> Frame:
+    """Read the frame of the measurements of the first campaign and of the simulations of all campaigns, by their name."""
+    import pandas as pd
+
+    first, *_ = sides.values()
+    wanted = frame.shared(first, motions or ("turntable",), several=True)
+    measured, twins = ([one for one in wanted if one[0] == domain] for domain in (MEASURED, TWIN))
+    parts = [frame.read(source, twins, Progress(quiet=True)).assign(side=name) for name, source in sides.items()]
+    return pd.concat([frame.read(first, measured, Progress(quiet=True)), *parts], ignore_index=True)
 
 
 def config(name: str, *overrides: str) -> Config:

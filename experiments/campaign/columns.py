@@ -1,13 +1,15 @@
 """The columns of the frame that are read from a recording. Each motion has its own columns; arrays are the values of one cell.
 
-A turntable recording has `localised`: whether the strongest echo over all ranges lies in the target gate, and the averages over frames
-(AVERAGES) of the power (B,) in the bins `range_m`. If its revolutions are whole and have enough frames, it has the features of the set
-`rotation`, the same features of each whole revolution (`revolutions`), and the range-Doppler signature of a revolution (N, R). A corner
-reflector also has the power (F, B) of its first revolution, the channel signals (1, A, B) of its first frame, and the Bartlett power map
-(1, B, azimuths) of this frame; other objects have (0, ...). A rail recording has ranges (F,) in metres: the logged range `nominal_m`, and
-the tracked range of each tracker. A drive has the features of its motion, the power (F, B), its mean (B,) after each frame is scaled to
-unit energy (`profile`), and in each frame (F,) the logged and the tracked range of the target, the energy in the target gate and the radial
-velocity, (0,) without Doppler. Its detections (N, 3) are the frame number, range in metres and azimuth in radians.
+A turntable recording has `localised`: whether the strongest echo over all ranges lies in the target gate, `energy_noise` (2,): the mean
+energy in the target gate and the mean noise power of a range bin, and the averages over frames (AVERAGES) of the power (B,) in the bins
+`range_m`. If its revolutions are whole and have enough frames, it has the features of the set `rotation`, the same features and the picture
+of each whole revolution (`revolutions`, `pictures`), and the range-Doppler signature of a revolution (N, R). A corner reflector also has
+the power (F, B) of its first revolution, the channel signals (1, A, B) of its first frame, and the Bartlett power map (1, B, azimuths) of
+this frame; other objects have (0, ...). A rail recording has ranges (F,) in metres: the logged range `nominal_m`, and the tracked range of
+each tracker. A drive has the features of its motion, the features (F, D) of each frame (`frames`) with their names (D,), the power (F, B),
+its mean (B,) after each frame is scaled to unit energy (`profile`), and in each frame (F,) the logged and the tracked range of the target,
+the energy in the target gate and the radial velocity, (0,) without Doppler. Its detections (N, 3) are the frame number, range in metres and
+azimuth in radians.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from experiments.campaign.cases import RAIL, REFLECTOR, ROVER, Case
 from radartwin.features import cloud, doppler, envelope, sets, track
 from radartwin.features.extent import AZIMUTH_RAD
 from radartwin.features.log import Log, Nominal, angles, distances
+from radartwin.features.pictures import picture
 from radartwin.features.processed import Processed
 from radartwin.features.profile import FAR_M, NEAR_M, gate
 from radartwin.features.signature import signature
@@ -41,18 +44,11 @@ def _turntable(case: Case, processed: Processed, log: Log) -> Columns:
     strongest = int(np.where(inside, processed.power.mean(axis=0), 0).argmax())
     angle_rad = angles(log, processed.num_frames)
     turn = angle_rad < angle_rad[0] + 2 * np.pi - 1e-9
-    whole = (
-        {
-            **_features(processed, log, "rotation"),
-            "revolutions": np.stack([sets.vector(piece, part, "rotation")[1] for _, piece, part in revolutions(processed, log)]),
-            "signature": signature(processed, angle_rad, target_m),
-        }
-        if envelope.resolved(angle_rad)
-        else {}
-    )
+    energy = envelope.target_energy(processed, distances(log, processed.num_frames))
     return {
-        **whole,
+        **(_whole(processed, log, target_m) if envelope.resolved(angle_rad) else {}),
         "localised": bool(gate(processed.range_m, target_m)[strongest]),
+        "energy_noise": np.array([energy.mean(), processed.noise_floor.mean()], float),
         "range_m": processed.range_m,
         **{f"{name}_power": average(processed.power.astype(float)) for name, average in AVERAGES.items()},
         "revolution": processed.power[turn if case.object.startswith(REFLECTOR) else slice(0)],
@@ -61,16 +57,21 @@ def _turntable(case: Case, processed: Processed, log: Log) -> Columns:
     }
 
 
-def revolutions(processed: Processed, log: Log) -> list[tuple[str, Processed, Log]]:
-    """Split a turntable recording into whole revolutions, each as (name suffix, recording, log). Other recordings are not split."""
-    if log.angle_rad is None:
-        return [("", processed, log)]
-    period = envelope.frames_per_revolution(log.angle_rad)
-    pieces: list[tuple[str, Processed, Log]] = []
-    for number in range(processed.num_frames // period):
-        at = slice(number * period, (number + 1) * period)
-        pieces.append((f" turn {number:02d}", processed.frames(at), Nominal(log.frame_rate_hz, log.distance_m[at], log.angle_rad[at])))
-    return pieces
+def _whole(processed: Processed, log: Log, target_m: float) -> Columns:
+    """Return the columns of a turntable recording with one whole revolution or more."""
+    angle_rad = angles(log, processed.num_frames)
+    period = envelope.frames_per_revolution(angle_rad)
+    turns = [slice(start, start + period) for start in range(0, processed.num_frames - period + 1, period)]
+    rows, pictures = [], []
+    for piece, at in ((processed.frames(at), at) for at in turns):
+        rows.append(sets.vector(piece, Nominal(log.frame_rate_hz, log.distance_m[at], angle_rad[at]), "rotation")[1])
+        pictures.append(picture(piece, angle_rad[at], target_m).ravel())
+    return {
+        **_features(processed, log, "rotation"),
+        "revolutions": np.stack(rows),
+        "pictures": np.stack(pictures),
+        "signature": signature(processed, angle_rad, target_m),
+    }
 
 
 def _rail(case: Case, processed: Processed, log: Log) -> Columns:
@@ -93,8 +94,11 @@ def _drive(case: Case, processed: Processed, log: Log) -> Columns:
     nominal = distances(log, processed.num_frames)
     along = track.around(processed, nominal, log.frame_rate_hz)
     clouds = cloud.detections(processed)
+    names, values = sets.frames(processed, log, case.motion)
     return {
         **_features(processed, log, case.motion),
+        "frames": values,
+        "frame_features": np.array(names),
         "frame_rate_hz": log.frame_rate_hz,
         "power": processed.power,
         "profile": (processed.power / processed.power.sum(axis=1, keepdims=True)).mean(axis=0),

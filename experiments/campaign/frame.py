@@ -1,9 +1,11 @@
 """The frame: one long table (pandas) with everything that the result tables read from the recordings of a campaign.
 
-A row is one recording. The columns CONDITIONS, `domain`, `twin` and `key` (of the stored recording) say which; `material_class` and `shape`
-come from the catalogue of objects; the other columns are read from the recording (experiments.campaign.columns). The column `twin` is
-empty for measurements and for the simulation under test, and names a simulation that knows less or more than that. Rows are sorted by
-domain and by object in the order of the catalogue. The store keeps the frame under the keys of its recordings and the code that reads them.
+A row is one recording. The columns CONDITIONS, `domain`, VERSIONS and `key` (of the stored recording) say which; `material_class` and
+`shape` come from the catalogue of objects; the other columns are read from the recording (experiments.campaign.columns). The columns
+VERSIONS are empty for the configured testbed and for the simulation under test. `twin` names a simulation that knows less or more than
+that, `truth` another testbed, and `side` a simulation or a set of measurements that a table compares with the configured one. Rows are
+sorted by domain and by object in the order of the catalogue. The store keeps the frame under the keys of its recordings and the code that
+reads them.
 """
 
 from __future__ import annotations
@@ -32,12 +34,19 @@ Column = Any  # a pandas.Series
 CONDITIONS = tuple(field.name for field in fields(Case))
 KINDS = ("material_class", "shape")  # columns from the catalogue
 PLACE = ("object", "room", "motion", "distance_m")  # a measured and a simulated recording of one place are compared
+VERSIONS = ("twin", "truth", "side")
 Wanted = Sequence[tuple[str, Case]]  # domain, case
 
 
-def shared(source: RecordingSource, motions: Sequence[str]) -> Wanted:
-    """Return the recordings with these motions whose place is both measured and simulated. Raises ConfigError if there are none."""
-    cases = [(domain, case) for domain in COMPARED for motion in motions for case in source.cases(domain, motion=motion)]
+def shared(source: RecordingSource, motions: Sequence[str], room: str | None = None, several: bool = False) -> Wanted:
+    """Return the recordings with these motions whose place is both measured and simulated. Raises ConfigError if there are none.
+
+    Args:
+        room: room of the recordings; None stands for all rooms.
+        several: whether only the recordings that `balanced` keeps are returned.
+    """
+    chosen = {"room": room} if room else {}
+    cases = [(domain, case) for domain in COMPARED for motion in motions for case in source.cases(domain, motion=motion, **chosen)]
     places = [{_place(case) for of, case in cases if of == domain} for domain in COMPARED]
     if not (common := set.intersection(*places)):
         raise ConfigError(
@@ -46,10 +55,20 @@ def shared(source: RecordingSource, motions: Sequence[str]) -> Wanted:
         )
     objects = list(every_object())
     wanted = [(domain, case) for domain, case in cases if _place(case) in common]
-    return sorted(
+    wanted = sorted(
         wanted,
-        key=lambda one: (DOMAINS.index(one[0]), objects.index(one[1].object), one[1].room, motions.index(one[1].motion), one[1].distance_m),
-    )
+        key=lambda one: (
+            DOMAINS.index(one[0]), objects.index(one[1].object), one[1].room, motions.index(one[1].motion), one[1].distance_m,
+            one[1].repetition,
+        ),
+    )  # fmt: skip
+    return [wanted[row] for row in balanced(_conditions(wanted)).index] if several else wanted
+
+
+def _conditions(wanted: Wanted) -> Frame:
+    import pandas as pd
+
+    return pd.DataFrame([{"domain": domain, **dict(zip(CONDITIONS, astuple(case), strict=True))} for domain, case in wanted])
 
 
 def _place(case: Case) -> tuple[Any, ...]:
@@ -74,7 +93,7 @@ def read(source: RecordingSource, wanted: Wanted, progress: Progress, materials:
     rows, known = [], every_object()
     for domain, case in progress.over(list(wanted), "recordings read"):
         key, processed = source.processed(domain, case, materials)
-        conditions = dict(zip(CONDITIONS, astuple(case), strict=True)) | {"domain": domain, "twin": "", "key": key}
+        conditions = dict(zip(CONDITIONS, astuple(case), strict=True)) | {"domain": domain, **dict.fromkeys(VERSIONS, ""), "key": key}
         kind = {name: getattr(known[case.object], name) for name in KINDS}
         rows.append({**conditions, **kind, **columns.read(case, processed, source.log(case, domain))})
     return pd.DataFrame(rows)
@@ -106,11 +125,12 @@ def balanced(frame: Frame) -> Frame:
     """Return the rows at those distances that have two objects or more, with an equal number of measured repetitions for all objects of a
     distance. Raises InputError if no row is left.
     """
-    some = frame[frame.groupby(["room", "distance_m"]).object.transform("nunique") > 1]
+    where = ["room", "motion", "distance_m"]
+    some = frame[frame.groupby(where).object.transform("nunique") > 1]
     if some.empty:
         raise InputError("the campaign has no recordings of two objects at one distance, both measured and simulated; add objects")
     groups = some.groupby(["domain", *PLACE])
-    fewest = groups.key.transform("size").groupby([some.domain, some.room, some.distance_m]).transform("min")
+    fewest = groups.distance_m.transform("size").groupby([some[name] for name in ("domain", *where)]).transform("min")
     return some[groups.cumcount() < fewest]
 
 

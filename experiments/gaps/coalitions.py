@@ -12,13 +12,15 @@ recorded only with `contents` on.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, replace
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.campaign.campaign import Campaign, joined, load_clean, make_together
 from experiments.campaign.cases import Case
+from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
 from experiments.gaps import case_set
 from experiments.gaps.shapley import Coalition
@@ -77,23 +79,12 @@ def side(domain: str, on: Coalition) -> Coalition:
     return on & TWIN if domain == "twin" else on & set(TESTBED)
 
 
-@dataclass(frozen=True, eq=False)
-class Read:
-    """Features of the recordings of one side (a domain with the gaps that change it), in the order of the cases."""
-
-    keys: tuple[str, ...]  # store keys of the recordings before receiver effects
-    values: NDArray[np.float64]  # (N, features) values that the feature error compares
-    profiles: Sequence[NDArray[np.float64]]  # N mean power profiles (B,)
-    range_m: NDArray[np.float64]  # (B,) range axis of the profiles
-    frames: Samples  # feature rows per frame
-
-
 class Sides:
     """Simulate the recordings of the sides that coalitions need, and compute their features; each side is read once."""
 
     def __init__(self, config: Config, store: Store, progress: Progress, some: Sequence[Case]):
         self.config, self.store, self.progress, self.cases = config, store, progress, list(some)
-        self._read: dict[Side, Read] = {}
+        self._read: dict[Side, Frame] = {}
 
     def prepare(self, sets_of_gaps: Iterable[Coalition]) -> None:
         """Simulate and read the sides (measured or simulated recordings with their gaps) of these coalitions of gaps. Sides that
@@ -112,19 +103,30 @@ class Sides:
             for case in self.cases
         )
 
-    def read(self, domain: str, on: Coalition) -> Read:
-        """Return the features of the recordings of one domain (measured or simulated) with the gaps `on`."""
+    def read(self, domain: str, on: Coalition) -> Frame:
+        """Return the frame of the recordings of one domain (measured or simulated) with the gaps `on`, in the order of the cases.
+
+        Its columns are the store `key` before receiver effects, the features `vector` that the feature error compares, the mean power
+        `profile` (B,) over range with its axis `range_m`, and those of `readings.frames`.
+        """
         if (domain, on) not in self._read:
-            found = [(case, *self.processed(domain, on, case), self.log(domain, case)) for case in self.cases]
-            values = [sets.vector(processed, log, FEATURES, WITHOUT)[1] for _, _, processed, log in found]
-            frames = readings.read_rows(domain, found, lambda processed, log: sets.frames(processed, log, FEATURES))
-            self._read[domain, on] = Read(
-                keys=tuple(key for _, key, _, _ in found),
-                values=np.stack(values).astype(np.float64),
-                profiles=[processed.power.mean(axis=0, dtype=np.float64) for _, _, processed, _ in found],
-                range_m=found[0][2].range_m,
-                frames=frames.samples,
-            )
+            rows = []
+            for case in self.cases:
+                (key, processed), log = self.processed(domain, on, case), self.log(domain, case)
+                names, frames = sets.frames(processed, log, FEATURES)
+                compared = {"vector": sets.vector(processed, log, FEATURES, WITHOUT)[1], "range_m": processed.range_m}
+                rows.append(
+                    {
+                        **asdict(case),
+                        "domain": domain,
+                        "key": key,
+                        **compared,
+                        "profile": processed.power.mean(axis=0, dtype=np.float64),
+                        "frames": frames,
+                        "frame_features": np.array(names),
+                    }
+                )
+            self._read[domain, on] = pd.DataFrame(rows)
         return self._read[domain, on]
 
     def processed(self, domain: str, on: Coalition, case: Case) -> tuple[str, Processed]:
@@ -144,7 +146,7 @@ class Sides:
     @property
     def keys(self) -> list[str]:
         """Store keys of all recordings whose features were computed."""
-        return sorted({key for read in self._read.values() for key in read.keys})
+        return sorted({key for read in self._read.values() for key in read.key})
 
 
 def sides_of(sets_of_gaps: Iterable[Coalition]) -> list[Side]:
@@ -178,20 +180,20 @@ def losses(config: Config, sides: Sides, sets_of_gaps: Iterable[Coalition]) -> L
     """
     wanted = list(dict.fromkeys(sets_of_gaps))
     sides.prepare(wanted)
-    ideal = sides.read("twin", frozenset()).values
+    ideal = np.stack(list(sides.read("twin", frozenset()).vector))
     spread = ideal.std(axis=0)
     varies = spread > 1e-9 * np.abs(ideal).max(axis=0, initial=0.0)
     found: Losses = {score: {} for score in SCORES}
     for on in wanted:
         twin, measured = (sides.read(domain, side(domain, on)) for domain in ("twin", "measured"))
-        difference = (twin.values - measured.values)[:, varies] / spread[varies]
+        difference = np.stack(list(twin.vector - measured.vector))[:, varies] / spread[varies]
         found[ERROR][on] = np.sqrt((difference**2).mean(axis=1))
-        pairs = zip(twin.profiles, measured.profiles, strict=True)
-        found[PROFILE][on] = np.array([1 - profile_correlation(one, other, twin.range_m, "db") for one, other in pairs])
+        pairs = zip(twin.profile, measured.profile, twin.range_m, strict=True)
+        found[PROFILE][on] = np.array([1 - profile_correlation(*pair, "db") for pair in pairs])
     for learned in dict.fromkeys(side("twin", on) for on in wanted):
         scored = [on for on in wanted if side("twin", on) == learned]
-        measured = {on: sides.read("measured", side("measured", on)).frames for on in scored}
-        for on, share in recognised_shares(config, sides.read("twin", learned).frames, measured).items():
+        measured = {on: readings.frames(sides.read("measured", side("measured", on))) for on in scored}
+        for on, share in recognised_shares(config, readings.frames(sides.read("twin", learned)), measured).items():
             found[RECOGNITION][on] = 1 - share
     return found
 

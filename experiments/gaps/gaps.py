@@ -12,16 +12,21 @@ recordings, and 150 core-seconds more if the scans of both rooms are not in the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
 
 from experiments import statistics
 from experiments.campaign.cases import Case
+from experiments.campaign.frame import Frame
 from experiments.campaign.truth import DRAW_STEP
-from experiments.claims import BELOW, NONE, Claim, RowList
+from experiments.cells import Cell, joined_rows, keys, using
+from experiments.claims import BELOW, NONE, Claim
 from experiments.drawing import legend_above
 from experiments.gaps import case_set
 from experiments.gaps.case_set import CASES, FILLED, GAPS, GROUPS, METAL, Reading
@@ -54,8 +59,7 @@ SHOWN = ("turntable", "drive")  # groups of cases that have a row for every feat
 # (case, number of revolutions) of recordings whose frames are interpolated (`aspects` in experiments/campaign/truth.py)
 INTERPOLATED = {"quick": ((METAL[1], 6),), "paper": ((METAL[1], 6), (FILLED[0], 43))}
 DRAWS = {"quick": 1, "paper": 3}
-Moves = dict[tuple[str, float], list[dict[Case, dict[str, float]]]]  # [gap, strength][draw][case][feature]: change of the feature
-Keys = dict[tuple[str, float], list[str]]
+CONDITIONS = ("gap", "strength", "draw", "case", "key")  # columns of the frame of `cells`; the others are features
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
@@ -78,24 +82,26 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         return {case: case_set.recorded(alone, store, progress, domain, replace(case, draw=draw)) for case in CASES}
 
     base, exact = recorded("measured"), recorded("twin")
-    moves: Moves = {}
-    keys: Keys = {}
+    moves = []
     for gap, strength, draw in progress.over(steps, "gaps"):
         domain, reference = ("twin", exact) if gap == "geometry" else ("measured", base)
-        found = recorded(domain, gap, strength, draw)
-        moves.setdefault((gap, strength), []).append({case: _moved(gap, found[case], reference[case]) for case in CASES})
-        keys.setdefault((gap, strength), []).extend(one.key for one in (*found.values(), *reference.values()))
-    rows = RowList(config)
-    _add_agreement(rows, base, exact, moves["solver", 1.0][0])
+        for case, one in recorded(domain, gap, strength, draw).items():
+            at = {"gap": gap, "strength": strength, "draw": draw, "case": case, "key": [one.key, reference[case].key]}
+            moves.append({**at, **_moved(gap, one, reference[case])})
+    frame = pd.DataFrame(moves)
+    rows = [cell.row(config) for cell in agreement(base, exact, frame[frame.gap == "solver"].set_index("case"))]
     for case, turns in INTERPOLATED.get(config.profile.name, ()):
         blended = case_set.recorded(case_set.alone(config, turns=turns), store, progress, "measured", case, case_set.FRAMES)
-        _add_interpolated(rows, case, base[case], blended)
-    for step in moves:
-        add_rows(rows, step, moves[step], keys[step])
-    metrics = {f"{gap}_{strength:g}_{group}_room_change_dB": _mean(moves[gap, strength], group, "room change (dB)")
-               for gap, strength in moves for group in SHOWN if strength == 1}  # fmt: skip
-    used = sorted({key for some in keys.values() for key in some})
-    return Result(TABLE.name, rows, {TABLE.name: lambda: _figure(moves, rows)}, metrics, used)
+        rows.append(interpolated(case, base[case], blended).row(config))
+    for row in rows:
+        row["draws"] = 1
+    rows += joined_rows([cell.row(config) for cell in cells(config, one)] for _, one in frame.groupby("draw"))
+    metrics = {
+        f"{r['gap']}_{r['strength']:g}_{r['cases']}_room_change_dB": r["value"]
+        for r in rows
+        if r["metric"] == f"room{CHANGE}" and r["strength"] == 1 and r["cases"] in SHOWN
+    }
+    return Result(TABLE.name, rows, {TABLE.name: lambda: _figure(rows)}, metrics, keys(frame.explode("key")))
 
 
 def check(config: Config) -> None:
@@ -112,83 +118,73 @@ def _moved(gap: str, one: Reading, base: Reading) -> dict[str, float]:
     return found
 
 
-def _add_agreement(
-    rows: RowList, base: Mapping[Case, Reading], exact: Mapping[Case, Reading], solver: Mapping[Case, dict[str, float]]
-) -> None:
-    """Add a row for each case with the difference between measurement and simulation with all gaps off.
+def agreement(base: Mapping[Case, Reading], exact: Mapping[Case, Reading], solver: Frame) -> Iterator[Cell]:
+    """Declare for each case the difference between measurement and simulation with all gaps off.
 
-    The claim in such a row is that this difference is smaller than the change that finer ray tracing causes.
+    The claim of such a cell is that this difference is smaller than the change that finer ray tracing causes (`solver`, by case).
     """
     for case in CASES:
         found = case_set.moved(exact[case], base[case])
-        keys = [base[case].key, exact[case].key]
+        of = pd.DataFrame({"key": [base[case].key, exact[case].key]})
         for feature in ("target change (dB)", "room change (dB)"):
-            own = solver[case][feature]
+            own = float(solver.loc[case, feature])
             claim = Claim(f"less than the solver's own error, {own:.1f} dB", bound=own, direction=BELOW, least=1)
-            _add(rows, ("none", 0.0, case.name), feature, [[found[feature]]], keys, claim)
+            yield _cell(("none", 0.0, case.name), feature, of, [found[feature]], claim)
         difference = case_set.profile_difference_db(exact[case], base[case])
-        _add(rows, ("none", 0.0, case.name), "mean range profile, rms difference (dB)", [[difference]], keys)
+        yield _cell(("none", 0.0, case.name), "mean range profile, rms difference (dB)", of, [difference])
 
 
-def _add_interpolated(rows: RowList, case: Case, traced: Reading, blended: Reading) -> None:
-    """Add the difference between a turntable revolution interpolated from traced angles and the revolution with every frame traced."""
-    change = case_set.change_db(blended, traced, traced.target)
+def interpolated(case: Case, traced: Reading, blended: Reading) -> Cell:
+    """Declare the difference between a turntable revolution interpolated from traced angles and the revolution with every frame traced."""
+    of, change = pd.DataFrame({"key": [traced.key, blended.key]}), case_set.change_db(blended, traced, traced.target)
     claim = Claim("interpolation between traced angles replaces tracing every frame", bound=-20.0, direction=BELOW, least=1)
-    _add(rows, ("none", 0.0, f"{case.name}, interpolated"), f"target{CHANGE}", [[change]], [traced.key, blended.key], claim)
+    return _cell(("none", 0.0, f"{case.name}, interpolated"), f"target{CHANGE}", of, [change], claim)
 
 
-def add_rows(rows: RowList, step: tuple[str, float], moves: Sequence[Mapping[Case, dict[str, float]]], keys: list[str]) -> None:
-    """Add the rows of a gap at a strength: all features for the case groups in SHOWN, only the predicted features for other groups.
+def cells(config: Config, frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of one draw: all features for the case groups in SHOWN, only the predicted features for other groups.
 
-    `moves` holds for each draw the changes of the features of each case.
+    A row of the frame has the changes of the features of one `case` by a `gap` at a `strength`, with the store keys `key`.
     """
-    claims = {(group, feature): claim for group, feature, claim in expected(*step)}
-    wanted = [(group, feature) for group in SHOWN for feature in moves[0][GROUPS[group][0]]]
-    wanted += [key for key in claims if key not in wanted]
-    for group, feature in wanted:
-        values = [[one[case][feature] for case in GROUPS[group]] for one in moves]
-        if np.isfinite(values).all():
-            _add(rows, (*step, group), feature, values, keys, claims.get((group, feature), NONE))
+    sources = config.measured.gap.sources()
+    for (gap, strength), some in frame.groupby(["gap", "strength"], sort=False):
+        claims, by_case = {(group, feature): claim for group, feature, claim in expected(gap, strength)}, some.set_index("case")
+        wanted = [(group, feature) for group in SHOWN for feature in some if feature not in CONDITIONS]
+        for group, feature in dict.fromkeys((*wanted, *claims)):
+            values = by_case.loc[list(GROUPS[group]), feature].to_numpy()
+            if np.isfinite(values).all():
+                where, claim = (gap, strength, group), claims.get((group, feature), NONE)
+                yield _cell(where, feature, some.explode("key"), values, claim, sources.get(gap, ""))
 
 
-def _add(
-    rows: RowList, where: tuple[str, float, str], metric: str, values: Sequence[Sequence[float]], keys: list[str], claim: Claim = NONE
-) -> None:
-    """Add one table row for a gap at a strength and a group of cases; `values` holds the values of the cases for each draw. Ratios of
-    signals are averaged over cases as amplitudes, and over draws in decibels.
-    """
-    config = rows.config
+def _cell(
+    where: tuple[str, float, str], metric: str, of: Frame, values: Sequence[float] | NDArray, claim: Claim = NONE, source: str = ""
+) -> Cell:
+    """Declare the mean over the cases of a gap, a strength and a group of cases. Ratios of signals are averaged as amplitudes."""
     samples, scale = np.array(values), np.asarray
     if metric.endswith(CHANGE):
         samples, scale = 10 ** (samples / 20), _decibels
-    limits = statistics.POSITIVE if " rms " in metric else statistics.ANY
-    each = [statistics.mean(one, config.profile.resamples, config.seed, limits, scale) for one in samples]
-    found = statistics.over_draws(each, config.profile.resamples, config.seed)
-    source = config.measured.gap.sources().get(where[0], "")
-    row = rows.add({**dict(zip(("gap", "strength", "cases"), where, strict=True)), "source": source}, metric, found, keys, claim)
-    row["draws"] = len(values)
+    estimate = partial(statistics.mean, limits=statistics.POSITIVE if " rms " in metric else statistics.ANY, scale=scale)
+    case = {**dict(zip(("gap", "strength", "cases"), where, strict=True)), "source": source}
+    return Cell(case, metric, of, using(estimate, samples), claim)
 
 
 def _decibels(amplitude: Any) -> Any:
     return 20 * np.log10(amplitude)
 
 
-def _mean(moves: Sequence[Mapping[Case, dict[str, float]]], group: str, feature: str) -> float:
-    """Return the mean of a ratio of signals in decibels. The cases of a group are averaged as amplitudes, and draws in decibels."""
-    return float(np.mean([_decibels(np.mean([10 ** (one[case][feature] / 20) for case in GROUPS[group]])) for one in moves]))
-
-
-def _figure(moves: Moves, rows: Sequence[dict[str, Any]]) -> Figure:
+def _figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     """Draw the relative change of the signal in target gate and room, for turntable and drive, for each gap alone and with all gaps off."""
     drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=3.2, sharey=True, sharex=True)
-    ordered = sorted(GAPS, key=lambda gap: _mean(moves[gap, 1.0], "turntable", f"room{CHANGE}"))
+    effect = {(r["gap"], r["cases"], r["metric"]): r["value"] for r in rows if r["strength"] == 1}
+    ordered = sorted(GAPS, key=lambda gap: effect[gap, "turntable", f"room{CHANGE}"])
     places = np.arange(1 + len(ordered))
     for panel, group in zip(panels, SHOWN, strict=True):
         names = {case.name for case in GROUPS[group]}
         for part, colour, marker, shift in (("target", PALETTE[1], "o", 0.14), ("room", PALETTE[0], "s", -0.14)):
             feature = part + CHANGE
             off = [10 ** (r["value"] / 20) for r in rows if r["gap"] == "none" and r["metric"] == feature and r["cases"] in names]
-            values = np.array([_decibels(np.mean(off)), *(_mean(moves[gap, 1.0], group, feature) for gap in ordered)])
+            values = np.array([_decibels(np.mean(off)), *(effect[gap, group, feature] for gap in ordered)])
             label = "target gate" if part == "target" else "room, 0.5 m or more from the target"
             panel.plot(np.maximum(values, LOWEST_SHOWN_DB), places + shift, marker, color=colour, ms=4.5, label=label, clip_on=False)
         panel.axvline(0, color="0.6", lw=0.6)

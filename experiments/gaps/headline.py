@@ -22,11 +22,11 @@ from typing import Any
 
 import numpy as np
 
-from experiments import draws, statistics
+from experiments import draws
 from experiments.campaign.campaign import joined
 from experiments.campaign.cases import REFLECTOR, planned
 from experiments.campaign.schedule import RecordingTask
-from experiments.claims import EQUAL, NONE, NOT_HERE, PRIMARY, Claim, RowList, judge
+from experiments.claims import EQUAL, NONE, NOT_HERE, PRIMARY, Claim, judge
 from experiments.recognition import labelled_probe, reconstruction_ablation, rover_recognition, turntable_label_free
 from experiments.recognition.protocol import CHANCE_MARGIN, FLOOR_ONLY, LEAST_GAIN, SAME_MODELS
 from experiments.rover import rover_fidelity
@@ -36,7 +36,7 @@ from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
-from radartwin.runs.experiment import JUDGED, VERDICTS, Result, Table
+from radartwin.runs.experiment import JUDGED, SCORE_COLUMNS, VERDICTS, Result, Table
 from radartwin.runs.run import run_experiment, run_key
 from radartwin.store.products import Store
 
@@ -50,6 +50,7 @@ SOURCES = {
 DEPENDS, AGREES, NOT_COMPARED = "depends on strength", "the verdicts agree", "not compared"
 NOMINAL = 1.0
 WHOLE = "whole campaign"
+COPIED = ("claim", *JUDGED, "reason", "items", "seed", "run_keys", *SCORE_COLUMNS, "draws")  # columns from the row of the other table
 Rows = Sequence[Mapping[str, Any]]
 
 TABLE = Table(
@@ -258,7 +259,7 @@ def score(config: Config, computed: Callable[[Config], Result]) -> Result:
         if key not in known:
             known[key] = computed(own)
         found[strength, name] = known[key].rows
-    rows = RowList(config)
+    rows: list[dict[str, Any]] = []
     several = sorted({strength for strength, _ in found} - {WHOLE})
     for headline in HEADLINES:
         listed = found[WHOLE, headline.table]
@@ -275,7 +276,7 @@ def score(config: Config, computed: Callable[[Config], Result]) -> Result:
             "over all strengths": NOT_COMPARED if not verdicts or None in verdicts else DEPENDS if len(verdicts) > 1 else AGREES,
             "evidence": evidence(config, headline.table in DRIVES),
         }  # fmt: skip
-        _copy(rows, case, nominal, headline)
+        rows.append({**case, **{name: nominal.get(name) for name in COPIED}, "seed": config.seed})
     at_levels(rows)
     counts = Counter(row["verdict"] for row in rows)
     metrics = {verdict: float(counts[verdict]) for verdict in VERDICTS}
@@ -327,10 +328,3 @@ def at_levels(rows: Sequence[dict[str, Any]]) -> None:
 def _numbers(row: Mapping[str, Any], low: str, high: str) -> tuple[float, float]:
     """Return two ends of a row, of which None is infinite."""
     return (-math.inf if row[low] is None else row[low]), (math.inf if row[high] is None else row[high])
-
-
-def _copy(rows: RowList, case: Mapping[str, Any], row: Mapping[str, Any], headline: Headline) -> None:
-    """Append a row with the value, interval and verdict of a row of another table."""
-    made = rows.add(case, headline.metric, statistics.exact(row["value"] or 0.0, row["items"]), [])
-    kept = ("claim", *JUDGED, "reason", "items", "paper", "value", "low", "high", "n", "domain", "verdict", "run_keys", "draws")
-    made.update({name: row.get(name) for name in kept})

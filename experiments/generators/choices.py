@@ -24,12 +24,13 @@ import numpy as np
 
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import MEASURED, Case
+from experiments.campaign.frame import shared, stored
 from experiments.campaign.truth import root_of
-from experiments.recognition.copies import rows_of_copies
+from experiments.recognition.copies import copies
 from experiments.recognition.encoder_comparison import METHODS, NETWORK, RAW, TREES, fit_method, fit_with_labels
 from experiments.recognition.protocol import scaled, seeds
-from experiments.recognition.randomisation_ablation import ALL, NOISE_ONLY, QUANTITIES, copied
-from experiments.recognition.readings import FEATURES, MOTION, pictures, shared_cases, vectors
+from experiments.recognition.randomisation_ablation import ALL, NOISE_ONLY, QUANTITIES, copied_as
+from experiments.recognition.readings import MOTION, revolutions
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.io import files
@@ -81,19 +82,18 @@ def named(case: Case, config: Config) -> str:
 def scores(config: Config, store: Store, progress: Progress) -> list[dict[str, Any]]:
     """Return the accuracies of every candidate."""
     source = selection(config, store, progress)
-    cases, twins = shared_cases(source, MOTION)
-    vector, picture = vectors(source, MEASURED, cases, FEATURES), pictures(source, MEASURED, cases)
-    measured: dict[Reads, Samples] = {"features": scaled(vector.samples), "pictures": picture.samples}
+    frame = stored(source, shared(source, (MOTION,), several=True), progress)
+    measured: dict[Reads, Samples] = {"features": scaled(revolutions(frame)), "pictures": revolutions(frame, "pictures")}
     features = measured["features"]
     found = [{"copies": "", "method": RAW} | _probed([features] * len(seeds(config)), features)]
     for kind, left_out in progress.over(list(COPIES.items()), "copies"):
-        drawn = rows_of_copies(copied(config, left_out), store, source, twins, cases)
-        copies: dict[Reads, Samples] = {"features": scaled(drawn["features"].samples), "pictures": drawn["pictures"].samples}
+        features_, pictures = (copies(store, {"": source}, copied_as(config, left_out), frame, kind) for kind in ("features", "pictures"))
+        simulated: dict[Reads, Samples] = {"features": scaled(features_), "pictures": pictures}
         for method in METHODS:
             if kind == ALL or method in (NETWORK, TREES):
-                found.append({"copies": kind, "method": method} | _scored(config, method, copies, measured))
+                found.append({"copies": kind, "method": method} | _scored(config, method, simulated, measured))
         if kind == ALL:
-            found += [{"copies": ALL, "labelled share": share} | _joint(config, share, copies["features"], features) for share in SHARES]
+            found += [{"copies": ALL, "labelled share": share} | _joint(config, share, simulated["features"], features) for share in SHARES]
     return found
 
 

@@ -16,8 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from experiments.campaign.campaign import Campaign
+from experiments.campaign.cases import MEASURED
+from experiments.campaign.frame import stored
 from experiments.generators.repeatability import DISTANCE_M, DRAW, REPEATS, repeated
-from experiments.recognition.readings import FEATURES, vectors
+from experiments.recognition.readings import revolutions
 from radartwin.config.compose import compose
 from radartwin.io import files
 from radartwin.io.progress import Progress
@@ -30,7 +32,7 @@ def main() -> None:
     campaign = Campaign(config, Store(Path(config.output) / "cache", progress.say), progress)
     variances, names = [], ()
     for cases in progress.over(repeated(config, "turntable"), "objects"):
-        samples = vectors(campaign, "measured", cases, FEATURES).samples
+        samples = revolutions(stored(campaign, [(MEASURED, case) for case in cases], progress))
         names, variances = samples.names, [*variances, samples.values.var(axis=0, ddof=1)]
     deviation = np.sqrt(np.mean(variances, axis=0))
     source = (

@@ -11,21 +11,25 @@ brightness, because the gain of a user's radar is unknown.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments import draws
-from experiments.campaign.campaign import Campaign
-from experiments.campaign.source import RecordingSource
-from experiments.claims import Claim
-from experiments.recognition.copies import measured_and_copies
-from experiments.recognition.figures import bars, embedding_map
-from experiments.recognition.protocol import GEOMETRY, MATERIAL, RecognitionRows, anchors, correct, encoders, scaled, settings
-from experiments.recognition.readings import FEATURES
+from experiments.campaign.cases import MEASURED
+from experiments.campaign.frame import Frame
+from experiments.cells import Cell, first_draw, keys, table_rows
+from experiments.claims import NONE, Claim
+from experiments.draws import Query
+from experiments.recognition.copies import Copied
+from experiments.recognition.figures import bars, embedding_map, grouped, values
+from experiments.recognition.protocol import GEOMETRY, MATERIAL, Scored, anchors, correct, encoders, read, scaled, settings
+from experiments.recognition.readings import FEATURES, MOTION, revolutions, without
 from radartwin.config.config import Config
 from radartwin.config.trajectory import TurntableTrajectory
+from radartwin.features.sets import BRIGHTNESS
 from radartwin.io.progress import Progress
 from radartwin.recognize.model import Recogniser
 from radartwin.recognize.probes import linear_probe, repeatability
@@ -48,44 +52,45 @@ EXPORT_WITHOUT = ("brightness",)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    result = draws.scored(config, store, progress, lambda campaign: score(config, campaign, store, progress))
-    campaign = Campaign(config, store, progress, draws.numbers(config)[0])
-    return replace(result, models={"recogniser": export(config, campaign, store)})
+    frame, copied = read(Query(config, (MOTION,), several=True), store, progress)
+    return replace(score(config, frame, copied), models={"recogniser": export(config, first_draw(frame), copied)})
 
 
-def score(config: Config, source: RecordingSource, store: Store, progress: Progress) -> Result:
-    """Build the table rows for each attribute (geometry, material), left-out group and method."""
-    measured, copies = measured_and_copies(config, source, store, progress)
-    keys = tuple(sorted((*measured.keys, *copies.keys)))
-    split = _split(config, scaled(copies.samples), scaled(measured.samples))
+def score(config: Config, frame: Frame, copied: Copied) -> Result:
+    """Build the table for each attribute (geometry, material), left-out group and method."""
+    embedded: list[Samples] = []
+    rows = table_rows(config, frame, partial(cells, config, copied, embedded))
+    shown = grouped(rows, lambda row: f"{row['attribute']},\nother {row['left out']}s", metric="balanced accuracy")
+    figures = {
+        "contrastive": lambda: bars(shown, "balanced accuracy", grey=RAW),
+        "contrastive_map": lambda: embedding_map(embedded[0], GEOMETRY, "first seed"),
+    }
+    return Result(TABLE.name, rows, figures, values(shown), keys(frame))
+
+
+def cells(config: Config, copied: Copied, embedded: list[Samples], frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of one draw, and add its recordings in the space of the first encoder to `embedded`."""
+    split = _split(config, scaled(copied(config, frame)), scaled(revolutions(frame)))
     trained = encoders(config, split)
-    rows, shown = RecognitionRows(config), {}
+    embedded.append(join(trained[0].embedded(split.simulated.per_recording()), trained[0].embedded(split.test)))
     for attribute, classes in (("geometry", GEOMETRY), ("material", MATERIAL)):
         for left_out, groups in (("recording", split.test.source), ("object", split.test.label)):
             scored = _several_objects(split.test, classes) if left_out == "object" else np.ones(len(split.test), bool)
             truth = split.test.take(scored).relabelled(classes)
             if len(truth.classes) < 2:
                 continue
-            for method, values in ((RAW, [split.test]), (EMBEDDED, [encoder.embedded(split.test) for encoder in trained])):
-                predictions = [linear_probe(one.take(scored).relabelled(classes), groups[scored]) for one in values]
+            for method, spaces in ((RAW, [split.test]), (EMBEDDED, [encoder.embedded(split.test) for encoder in trained])):
+                predictions = [linear_probe(one.take(scored).relabelled(classes), groups[scored]) for one in spaces]
                 paper = PAPER[attribute] if left_out == "recording" else ""
-                claim = Claim(f"a classifier finds {attribute} from measured embeddings", paper) if method == EMBEDDED else Claim()
+                claim = Claim(f"a classifier finds {attribute} from measured embeddings", paper) if method == EMBEDDED else NONE
                 case = {
                     "supervision": f"{split.level} encoder, labelled probe",
                     "attribute": attribute,
                     "left out": left_out,
                     "method": method,
                 }
-                hits = correct(predictions, truth.label)
-                row = rows.share(case, hits, truth, keys, 1 / len(truth.classes), claim, True, predictions)
-                shown.setdefault(f"{attribute},\nother {left_out}s", {})[method] = row
-    both = join(trained[0].embedded(split.simulated.per_recording()), trained[0].embedded(split.test))
-    figures = {
-        "contrastive": lambda: bars(shown, "balanced accuracy", grey=RAW),
-        "contrastive_map": lambda: embedding_map(both, GEOMETRY, "first seed"),
-    }
-    metrics = {f"{r['attribute']}_{r['left out']}": r["value"] for r in rows if r["method"] == EMBEDDED}
-    return Result("contrastive", rows, figures, metrics, sorted(keys))
+                chance, hits = 1 / len(truth.classes), correct(predictions, truth.label)
+                yield Scored(config, truth, frame, chance).accuracy(case, hits, claim, True, predictions)
 
 
 def _split(config: Config, simulated: Samples, measured: Samples) -> Split:
@@ -101,22 +106,21 @@ def _several_objects(recordings: Samples, classes: dict[str, str]) -> NDArray[np
     return np.array([len(objects[classes[label]]) > 1 for label in recordings.label])
 
 
-def export(config: Config, source: RecordingSource, store: Store) -> Recogniser:
-    """Train a classifier of the campaign's objects on simulation alone. The features of the classifier are scaled by their mean and
-    spread over the simulated recordings.
+def export(config: Config, frame: Frame, copied: Copied) -> Recogniser:
+    """Train a classifier of the campaign's objects on the simulation alone, whose noise is that of one draw. The features of the classifier
+    are scaled by their mean and spread over the simulated recordings.
     """
-    measured, copies = measured_and_copies(config, source, store, Progress(), EXPORT_WITHOUT)
-    texts = anchors(copies.samples.classes)
-    trained = fit(label_free(scaled(copies.samples), scaled(measured.samples)), texts, settings(config), config.seed)
+    measured, copies = (without(some, BRIGHTNESS) for some in (revolutions(frame), copied(config, frame)))
+    texts = anchors(copies.classes)
+    trained = fit(label_free(scaled(copies), scaled(measured)), texts, settings(config), config.seed)
     provenance = {
         "trained on": "simulation", "table": "contrastive", "seed": config.seed, "epochs": trained.epochs,
-        "copies": config.supervision.copies, "recordings": sorted(copies.keys),
+        "copies": config.supervision.copies, "recordings": keys(frame[frame.domain != MEASURED]),
     }  # fmt: skip
     classes = tuple(sorted(texts))
     turntable = config.trajectory if isinstance(config.trajectory, TurntableTrajectory) else TurntableTrajectory
     features = {"set": FEATURES, "without": list(EXPORT_WITHOUT), "period_s": turntable.period_s}
-    values = copies.samples.values
     return Recogniser(
-        trained.encoder, classes, np.stack([texts[label] for label in classes]), settings(config).temperature, copies.samples.names,
-        features, values.mean(axis=0), np.maximum(values.std(axis=0), repeatability(copies.samples.names)), provenance,
+        trained.encoder, classes, np.stack([texts[label] for label in classes]), settings(config).temperature, copies.names, features,
+        copies.values.mean(axis=0), np.maximum(copies.values.std(axis=0), repeatability(copies.names)), provenance,
     )  # fmt: skip

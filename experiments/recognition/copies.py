@@ -8,7 +8,7 @@ floors of measured recordings, without their class labels.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -16,21 +16,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.campaign.campaign import Call, Campaign
-from experiments.campaign.cases import TWIN, Case
+from experiments.campaign.cases import MEASURED, TWIN, Case
+from experiments.campaign.frame import CONDITIONS, Frame, features, shared
 from experiments.campaign.source import RecordingSource
-from experiments.recognition.readings import FEATURES, MOTION, Readings, part, picture_row, recording_name, shared_cases, stratum, vectors
+from experiments.recognition.readings import FEATURES, MOTION, cells, gathered, recording_name
 from radartwin.builders.radar import build_radar
 from radartwin.builders.simulator import fixed_simulator, simulator_options
 from radartwin.config.config import Config
-from radartwin.features import envelope, sets
-from radartwin.features.log import distances
+from radartwin.features import sets
+from radartwin.features.log import angles
+from radartwin.features.pictures import picture
 from radartwin.features.processed import MAX_RANGE_M
 from radartwin.io.progress import Progress
 from radartwin.radar.processing import range_axis
 from radartwin.recognize import randomise
 from radartwin.recognize.augment import added_noise
 from radartwin.recognize.learners.interface import Reads
-from radartwin.recognize.samples import gather
+from radartwin.recognize.samples import Samples
 from radartwin.scene.objects.assortment import every_object
 from radartwin.store.products import Store, save_arrays
 
@@ -45,81 +47,61 @@ def strengths(config: Config) -> randomise.Randomisation:
     return randomise.Randomisation(**asdict(config.supervision.randomise))
 
 
-def measured_and_copies(
-    config: Config, source: RecordingSource, store: Store, progress: Progress, without: Sequence[str] = ()
-) -> tuple[Readings, Readings]:
-    """Return (features of measured turntable revolutions, features of copies of simulated turntable revolutions)."""
-    cases, twins = shared_cases(source, MOTION)
-    progress.say(f"{len(twins)} simulated revolutions, {config.supervision.copies} copies of each; {len(cases)} measured recordings")
-    copied = rows_of_copies(config, store, source, twins, cases, without)
-    return vectors(source, "measured", cases, FEATURES, without), copied["features"]
+Copied = Callable[..., Samples]  # `copies` of a store and its sources: configuration, frame, kind of rows
 
 
-def rows_of_copies(
-    config: Config, store: Store, source: RecordingSource, simulated: Sequence[Case], measured: Sequence[Case],
-    without: Sequence[str] = (), measured_source: RecordingSource | None = None,
-) -> dict[Reads, Readings]:  # fmt: skip
-    """Compute feature vectors and pictures of `supervision.copies` copies per simulated recording.
+def copies(store: Store, sources: Mapping[str, RecordingSource], config: Config, frame: Frame, kind: Reads = "features") -> Samples:
+    """Return feature vectors or pictures of `supervision.copies` copies of each simulated recording of a frame.
 
-    The noise level of a copy comes from the measured recordings at the same distance.
+    The simulated recordings are those of one simulation. The noise level of a copy comes from the measured recordings at the same distance.
 
     Args:
-        measured_source: source of the measured recordings; None stands for the same source as the simulated recordings (`source`).
+        sources: the campaign of each simulation, by its name in the column `twin` or `side`.
     """
-    measured_source = measured_source or source
-    source.prepare([("twin", case) for case in simulated])
-    measured_source.prepare([("measured", case) for case in measured])
-    noise: dict[str, float] = {}
-    for name in sorted({stratum(case) for case in simulated}):
-        ours = np.array([_energy(source, "twin", case) for case in simulated if stratum(case) == name])
-        theirs = np.array([_energy(measured_source, "measured", case) for case in measured if stratum(case) == name])
-        noise[name] = added_noise(ours[:, 0], theirs[:, 0], float(np.median(theirs[:, 1]))) if len(theirs) else 0.0
-    keys: list[str] = []
-    kinds: tuple[Reads, ...] = ("features", "pictures")
-    parts, names = {kind: [] for kind in kinds}, {kind: [] for kind in kinds}
-    for case, own in _seeded(config, simulated):
-        key, found = _rows(config, store, source, case, noise[stratum(case)], own, without)
-        for kind in kinds:
-            names[kind] = [str(name) for name in found[f"{kind}_names"]]
-            parts[kind].append(part("twin", case, found[kind]))
-        keys.append(key)
-    return {kind: Readings(gather(names[kind], parts[kind]), tuple(sorted(keys))) for kind in kinds}
+    ours, theirs = frame[frame.domain != MEASURED], frame[frame.domain == MEASURED]
+    source, noise = sources[ours.twin.iloc[0] or ours.side.iloc[0]], {}
+    for distance, here in ours.groupby("distance_m"):
+        simulated, measured = (np.stack(list(some)) for some in (here.energy_noise, theirs.energy_noise[theirs.distance_m == distance]))
+        noise[distance] = added_noise(simulated[:, 0], measured[:, 0], float(np.median(measured[:, 1])))
+    cases = [Case(*row) for row in ours[list(CONDITIONS)].itertuples(index=False)]
+    seeds = dict(_seeded(config, cases))
+    rows = [
+        _rows(config, store, source, case, key, noise[case.distance_m], seeds[case])[kind]
+        for case, key in zip(cases, ours.key, strict=True)
+    ]
+    return gathered(ours, features(ours) if kind == "features" else cells(rows[0].shape[1]), rows)
 
 
 def _rows(
-    config: Config, store: Store, source: RecordingSource, case: Case, noise_power: float, seed: list[int], without: Sequence[str]
-) -> tuple[str, dict[str, NDArray]]:
-    """Return the store key of a simulated recording, and the names and values of its copies' rows for each kind of row."""
-    key, processed = source.processed("twin", case)
-    log, chosen = source.log(case, "twin"), config.supervision
-    drawn = strengths(config)
+    config: Config, store: Store, source: RecordingSource, case: Case, key: str, noise_power: float, seed: list[int]
+) -> dict[str, NDArray]:
+    """Return the rows of the copies of a simulated recording with this store key, for each kind of row."""
+    log, chosen, drawn = source.log(case, TWIN), config.supervision, strengths(config)
 
     def build(folder: Path) -> None:
-        vectors_, pictures = [], []
+        processed, target_m = source.processed(TWIN, case)[1], float(np.mean(log.distance_m))
         echoes: list[NDArray] = []
         if drawn.moves_target:
             assert isinstance(source, Campaign), "drawn targets need a campaign that simulates them"
             echoes = _alone(config, store, source, case, seed)
+        rows: dict[str, list[NDArray]] = {"features": [], "pictures": []}
         for copy in randomise.copies(processed, echoes, noise_power, chosen.copies, drawn, seed):
-            vectors_.append(sets.vector(copy, log, FEATURES, without))
-            pictures.append(picture_row(copy, log))
-        found: dict[str, NDArray] = {}
-        for kind, made in (("features", vectors_), ("pictures", pictures)):
-            found |= {f"{kind}_names": np.array(made[0][0]), kind: np.stack([values for _, values in made])}
-        save_arrays(folder, found | {"pictures": found["pictures"].astype(np.float32)})
+            rows["features"].append(sets.vector(copy, log, FEATURES)[1])
+            rows["pictures"].append(picture(copy, angles(log, copy.num_frames), target_m).ravel())
+        save_arrays(folder, {kind: np.stack(some) for kind, some in rows.items()})
 
     spec = {
-        "recording": key, "features": FEATURES, "without": list(without), "noise": noise_power, "count": chosen.copies, "seed": seed,
+        "recording": key, "features": FEATURES, "noise": noise_power, "count": chosen.copies, "seed": seed,
         "randomise": asdict(chosen.randomise), "variants": chosen.variants, "distance_m": log.distance_m, "angle_rad": log.angle_rad,
     }  # fmt: skip
-    return key, store.fetch("copies", spec, ROOTS, build).arrays()
+    return store.fetch("copies", spec, ROOTS, build).arrays()
 
 
 def calls(config: Config) -> list[Call]:
     """Return the simulations of all random targets of a configuration, as together.py runs them in several workers."""
     if not strengths(config).moves_target:
         return []
-    _, twins = shared_cases(_campaign(config), MOTION)
+    twins = [case for domain, case in shared(_campaign(config), (MOTION,), several=True) if domain == TWIN]
     return [(simulate_targets, config, case, seed) for case, seed in _seeded(config, twins)]
 
 
@@ -165,10 +147,3 @@ def _alone(config: Config, store: Store, campaign: Campaign, case: Case, seed: l
     whole = np.zeros((*stored.shape[:-1], len(near)), np.complex64)
     whole[..., near] = stored
     return [whole[number] for number in range(len(whole))]
-
-
-def _energy(source: RecordingSource, domain: str, case: Case) -> tuple[float, float]:
-    """Return (mean energy in the target gate, noise power per range bin) of a turntable recording."""
-    _, processed = source.processed(domain, case)
-    log = source.log(case, domain)
-    return float(envelope.target_energy(processed, distances(log, processed.num_frames)).mean()), float(processed.noise_floor.mean())

@@ -13,15 +13,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiments import draws
 from experiments.campaign.cases import COMPARED, REFLECTOR
 from experiments.campaign.frame import Frame, balanced, by_revolution
 from experiments.cells import Cell, first_draw, paired, table_rows, using
 from experiments.claims import NONE, Claim, within
-from experiments.recognition.readings import MOTION
+from experiments.draws import Query
+from experiments.recognition.readings import MOTION, reflector
 from experiments.statistics import clustered, difference, exact
 from radartwin.config.config import Config
-from radartwin.errors import InputError
 from radartwin.features.sets import BRIGHTNESS
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
@@ -49,7 +48,7 @@ LEAST_DB = 1.0  # smallest difference of brightness that counts as an effect
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, draws.frame(config, store, progress, MOTIONS))
+    return score(config, Query(config, MOTIONS).frame(store, progress))
 
 
 def score(config: Config, frame: Frame) -> Result:
@@ -86,15 +85,8 @@ def cells(frame: Frame) -> Iterator[Cell]:
 
 
 def offset_db(frame: Frame) -> float:
-    """Return the measured less the simulated brightness of the reflector at its middle distance, from one recording of each domain.
-
-    Raises InputError if the frame has no reflector.
-    """
-    reflector = frame[frame.object == REFLECTOR]
-    if reflector.empty:
-        raise InputError(f"calibration: the campaign has no {MOTION} recording of the {REFLECTOR}; record one")
-    distances = sorted(reflector.distance_m.unique())
-    here = reflector[reflector.distance_m == distances[len(distances) // 2]].drop_duplicates("domain")
+    """Return the measured less the simulated brightness of the reflector at its middle distance, from one recording of each domain."""
+    here = reflector(frame)
     measured, twin = (by_revolution(here[here.domain == domain])[BRIGHTNESS] for domain in COMPARED)
     return float(measured.mean() - twin.iloc[0])  # one revolution determines an offset but no slope
 

@@ -15,28 +15,34 @@ that it classifies. The other recordings of the same object are at other distanc
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from experiments import draws
-from experiments.campaign.source import RecordingSource
-from experiments.claims import Claim
-from experiments.recognition.copies import rows_of_copies
-from experiments.recognition.figures import bars, label_curve
+from experiments.campaign.cases import MEASURED
+from experiments.campaign.frame import Frame
+from experiments.cells import Cell, keys, table_rows
+from experiments.claims import NONE, Claim
+from experiments.draws import Query
+from experiments.recognition.copies import Copied
+from experiments.recognition.figures import bars, grouped, label_curve, values
 from experiments.recognition.protocol import (
     ECHOES,
     LOOKS,
-    RecognitionRows,
+    RECORDINGS,
+    Scored,
     anchors,
     correct,
     has_other_recordings,
+    read,
     scaled,
     seeds,
     settings,
 )  # fmt: skip
-from experiments.recognition.readings import FEATURES, MOTION, pictures, shared_cases, vectors
+from experiments.recognition.readings import MOTION, revolutions
 from radartwin import plugins
 from radartwin.config.config import Config
 from radartwin.config.plugged import code_of
@@ -49,9 +55,6 @@ from radartwin.recognize.score import uniform_chance
 from radartwin.recognize.split import Split, draw_shots, label_free, most_shots
 from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="encoder_comparison",
@@ -70,7 +73,6 @@ METHODS = {  # method: (learner, kind of text)
 }  # fmt: skip
 RAW, SCRATCH, JOINT = "raw features", "trained on the labels alone", "trained on simulation and labels"
 LABELLED_SHARE = 0.2  # share of (repeated) labelled measured rows in the training of JOINT; recognition_choices.json has the reason
-RECORDINGS = "other recordings"
 LABEL_STEP = 1000  # each draw adds this step to the seeds of its label sets; it exceeds the number of trainings
 Embedded = Mapping[str, Sequence[Samples]]  # by method: the embeddings of the measured rows for each seed
 
@@ -88,39 +90,47 @@ def identity() -> dict[str, Any]:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, store, progress))
+    return score(config, *read(Query(config, (MOTION,), several=True), store, progress))
 
 
-def score(config: Config, source: RecordingSource, store: Store, progress: Progress) -> Result:
-    """Build the rows of every learner."""
-    rows = RecognitionRows(config)
-    measured, copies, keys = gather_rows(config, source, store, progress)
-    for of in (measured, copies):
-        of["features"] = scaled(of["features"])  # pictures have levels from 0 to 1
-    fitted: dict[str, list[Fitted]] = {}
-    reads: dict[str, Reads] = {method: learner(kind).reads for method, (kind, _) in methods().items()}
-    for method in progress.over(list(reads), "learners"):
-        fitted[method] = fit_method(config, method, copies, measured)
+def score(config: Config, frame: Frame, copied: Copied) -> Result:
+    """Build the table of every learner."""
+    rows = table_rows(config, frame, partial(cells, config, copied))
+    shown = grouped([row for row in rows if row["labels per class"] != RECORDINGS], "method", "labels per class")
+    unlabelled = {"no labels": {method: of[0] for method, of in shown.items() if 0 in of}}
+    figures = {
+        "encoder_comparison": lambda: bars(unlabelled, "accuracy", grey=TREES),
+        "label_efficiency": lambda: label_curve(shown, rows[0]["chance"]),
+    }
+    return Result(TABLE.name, rows, figures, values(unlabelled), keys(frame))
+
+
+def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of one draw."""
+    measured: dict[Reads, Samples] = {"features": scaled(revolutions(frame)), "pictures": revolutions(frame, "pictures")}
+    copies: dict[Reads, Samples] = {"features": scaled(copied(config, frame)), "pictures": copied(config, frame, "pictures")}
     truth = measured["features"]
-    chance = uniform_chance(truth)
-    curve: dict[str, list[Mapping[str, Any]]] = {method: [] for method in (*reads, RAW, SCRATCH, JOINT)}
-    for method, some in fitted.items():
-        predicted = [one.predict(measured[reads[method]].unlabelled()) for one in some]
-        claim = Claim("measured revolutions are recognised without labels") if method == NETWORK else Claim()
-        case = {"supervision": "label_free", "labels per class": 0, "method": method}
-        curve[method].append(rows.share(case, correct(predicted, truth.label), truth, keys, chance, claim) | {"shots": 0})
-    embedded = {method: [one.embedded(measured[reads[method]]) for one in some] for method, some in fitted.items()} | {
-        RAW: [truth] * len(seeds(config))
-    }
-    draw = source.cases("measured", motion=MOTION)[0].draw
-    _add_shots(rows, embedded, copies["features"], truth, draw, keys, chance, curve)
-    _add_other_recordings(rows, embedded, truth, keys, chance)
-    figures: dict[str, Callable[[], Figure]] = {
-        "encoder_comparison": lambda: bars({"no labels": {m: curve[m][0] for m in reads}}, "accuracy", grey=TREES),
-        "label_efficiency": lambda: label_curve({method: some for method, some in curve.items() if some}, chance),
-    }
-    metrics = {f"accuracy_{method.replace(', ', '_').replace(' ', '_')}": float(curve[method][0]["value"]) for method in reads}
-    return Result(TABLE.name, rows, figures, metrics | {"chance": chance}, keys)
+    scored = Scored(config, truth, frame, uniform_chance(truth))
+    embedded = {}
+    for method, (kind, _) in methods().items():
+        fitted, rows = fit_method(config, method, copies, measured), measured[learner(kind).reads]
+        claim = Claim("measured revolutions are recognised without labels") if method == NETWORK else NONE
+        hits = correct([one.predict(rows.unlabelled()) for one in fitted], truth.label)
+        yield scored.accuracy({"supervision": "label_free", "labels per class": 0, "method": method}, hits, claim)
+        embedded[method] = [one.embedded(rows) for one in fitted]
+    embedded[RAW] = [truth] * len(seeds(config))
+    for shots in (k for k in SHOTS if 0 < k <= most_shots(truth)):
+        case = {"supervision": "few_shot", "labels per class": shots}
+        hits = few_shot_hits(config, embedded, truth, shots, int(frame.draw[frame.domain == MEASURED].iloc[0]), copies["features"])
+        yield from scored.compared(case, hits, dict.fromkeys([(JOINT, RAW), (JOINT, SCRATCH)], Claim("simulation helps at equal labels")))
+    if has_other_recordings(truth):  # the table labelled_probe has the accuracies of NETWORK and RAW, and their difference
+        hits = {
+            method: correct([leave_one_out_centroid(one, one.source) for one in some], truth.label) for method, some in embedded.items()
+        }
+        case, others = {"supervision": "few_shot", "labels per class": RECORDINGS}, [name for name in hits if name not in (NETWORK, RAW)]
+        for method in others:
+            yield scored.accuracy({**case, "method": method}, hits[method])
+            yield scored.gain({**case, "method": f"{method} - {RAW}"}, hits[method], hits[RAW])
 
 
 def fit_method(config: Config, method: str, copies: Mapping[Reads, Samples], measured: Mapping[Reads, Samples]) -> list[Fitted]:
@@ -147,66 +157,22 @@ def fit_with_labels(
     return LEARNERS["network"].fit(Split("few_shot", train, rest, shots), anchors(known.classes), settings(config), seed)
 
 
-def gather_rows(
-    config: Config, source: RecordingSource, store: Store, progress: Progress
-) -> tuple[dict[Reads, Samples], dict[Reads, Samples], list[str]]:
-    """Return (measured rows, rows of copies, store keys). Both dictionaries have an entry for each kind of rows that a learner reads. The
-    rows are not scaled.
+def few_shot_hits(
+    config: Config, embedded: Embedded, truth: Samples, shots: int, draw: int, simulated: Samples | None = None
+) -> dict[str, NDArray]:
+    """Return for each method whether each row is recognised with `shots` labelled rows per class, (seeds, N), NaN if it is not scored.
+
+    Each draw of the measurement has its own sets of labelled revolutions, so that the mean over draws does not depend on a few sets. With
+    simulated rows, SCRATCH and JOINT are further methods.
     """
-    cases, twins = shared_cases(source, MOTION)
-    progress.say(f"{len(twins)} simulated revolutions, {config.supervision.copies} copies of each")
-    vector, picture = vectors(source, "measured", cases, FEATURES), pictures(source, "measured", cases)
-    copies = rows_of_copies(config, store, source, twins, cases)
-    keys = sorted({*vector.keys, *copies["features"].keys})
-    return {"features": vector.samples, "pictures": picture.samples}, {kind: found.samples for kind, found in copies.items()}, keys
-
-
-def _add_shots(
-    rows: RecognitionRows,
-    embedded: Embedded,
-    simulated: Samples,
-    truth: Samples,
-    draw: int,
-    keys: Sequence[str],
-    chance: float,
-    curve: Mapping[str, list],
-) -> None:
-    """Add the accuracy with k labelled measured revolutions per class, and the gain of JOINT over RAW and over SCRATCH.
-
-    Each draw of the measurement has its own sets of labelled revolutions, so that the mean over draws does not depend on a few sets.
-    """
-    place = {name: row for row, name in enumerate(truth.recording)}
-    most = most_shots(truth)
-    for shots in (k for k in SHOTS if 0 < k <= most):
-        hits = {method: np.full((len(seeds(rows.config)), len(truth)), np.nan) for method in (*embedded, SCRATCH, JOINT)}
-        for number, seed in enumerate(seeds(rows.config)):
-            known, rest = draw_shots(truth, shots, seed + LABEL_STEP * draw)
-            chosen, scored = np.isin(truth.recording, known.recording), [place[name] for name in rest.recording]
-            for method, some in embedded.items():
-                own_rows = some[min(number, len(some) - 1)]  # a learner without random numbers has the same rows for all seeds
-                hits[method][number, scored] = nearest_centroid(own_rows.take(chosen), own_rows.take(scored)) == rest.label
-            for method, beside in ((SCRATCH, None), (JOINT, simulated)):
-                own = fit_with_labels(rows.config, beside, known, rest, seed)
-                hits[method][number, scored] = nearest_centroid(own.embedded(known), own.embedded(rest)) == rest.label
-        counted = ~np.isnan(hits[RAW]).all(axis=0)
-        for method, found in hits.items():
-            case = {"supervision": "few_shot", "labels per class": shots, "method": method}
-            row = rows.share(case, found[:, counted], truth.take(counted), keys, chance)
-            curve[method].append(row | {"shots": shots})
-        for other in (RAW, SCRATCH):
-            ours, theirs = (np.nanmean(hits[method][:, counted], axis=0, keepdims=True) for method in (JOINT, other))
-            case = {"supervision": "few_shot", "labels per class": shots, "method": f"{JOINT} - {other}"}
-            rows.gain(case, ours, theirs, truth.take(counted), keys, Claim("simulation helps at equal labels"))
-
-
-def _add_other_recordings(rows: RecognitionRows, embedded: Embedded, truth: Samples, keys: Sequence[str], chance: float) -> None:
-    """Add the accuracy of the nearest class centroid of all other recordings, and the gain of each learner over raw features. The table
-    labelled_probe has those of NETWORK and RAW.
-    """
-    if not has_other_recordings(truth):
-        return
-    hits = {method: correct([leave_one_out_centroid(one, one.source) for one in some], truth.label) for method, some in embedded.items()}
-    for method in (one for one in hits if one not in (NETWORK, RAW)):
-        case = {"supervision": "few_shot", "labels per class": RECORDINGS, "method": method}
-        rows.share(case, hits[method], truth, keys, chance)
-        rows.gain(case | {"method": f"{method} - {RAW}"}, hits[method], hits[RAW], truth, keys)
+    learned = {} if simulated is None else {SCRATCH: None, JOINT: simulated}
+    hits = {method: np.full((len(seeds(config)), len(truth)), np.nan) for method in (*embedded, *learned)}
+    for number, seed in enumerate(seeds(config)):
+        labelled, rest = draw_shots(truth, shots, seed + LABEL_STEP * draw)
+        known, scored = (np.isin(truth.recording, one.recording) for one in (labelled, rest))
+        # a learner without random numbers has the same rows for all seeds
+        spaces = {method: some[min(number, len(some) - 1)] for method, some in embedded.items()}
+        spaces |= {method: fit_with_labels(config, beside, labelled, rest, seed).embedded(truth) for method, beside in learned.items()}
+        for method, rows in spaces.items():
+            hits[method][number, scored] = nearest_centroid(rows.take(known), rows.take(scored)) == truth.label[scored]
+    return hits

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +20,24 @@ if TYPE_CHECKING:
 GREY = "0.65"
 MOST_LEVEL = 6  # largest number of groups of bars whose names fit side by side
 Row = Mapping[str, Any]
+Panels = dict[str, tuple[NDArray, NDArray]]  # (truth, prediction) of each confusion matrix
+
+
+def grouped(
+    rows: Iterable[Row], group: str | Callable[[Row], str], bar: str = "method", metric: str = "accuracy"
+) -> dict[str, dict[Any, Row]]:
+    """Return {group: {bar: row}} of the rows with this metric of the configured twin and testbed, from their columns `group` and `bar`."""
+    found: dict[str, dict[Any, Row]] = {}
+    for row in rows:
+        if row["metric"] == metric and not row.get("twin") and not row.get("truth"):
+            found.setdefault(row[group] if isinstance(group, str) else group(row), {})[row[bar]] = row
+    return found
+
+
+def values(groups: Mapping[str, Mapping[str, Row]], prefix: str = "accuracy") -> dict[str, float]:
+    """Return the values of rows by names that start with a prefix, for the metrics of a result."""
+    names = {(group, bar): re.sub(r"[^\w.]+", "_", f"{prefix}_{group}_{bar}") for group, of in groups.items() for bar in of}
+    return {name: float(groups[group][bar]["value"]) for (group, bar), name in names.items()}
 
 
 def bars(groups: Mapping[str, Mapping[str, Row]], ylabel: str, title: str = "", grey: str = "") -> Figure:
@@ -51,16 +70,17 @@ def bars(groups: Mapping[str, Mapping[str, Row]], ylabel: str, title: str = "", 
     return drawing
 
 
-def confusions(panels: Mapping[str, tuple[NDArray, NDArray]], classes: Sequence[str]) -> Figure:
+def confusions(panels: Panels) -> Figure:
     """Draw one confusion matrix per panel from (truth, prediction). A cell is the share of a true class (row) predicted as a class
     (column).
     """
     from sklearn.metrics import confusion_matrix
 
     drawing, axes = figure(1, len(panels), width_in=PAGE_WIDTH_IN, height_in=3.4, squeeze=False, sharey=True)
+    classes = sorted({str(label) for truth, _ in panels.values() for label in truth})
     names = [name.replace("_", " ") for name in classes]
     for axis, (title, (truth, prediction)) in zip(axes[0], panels.items(), strict=True):
-        shares = confusion_matrix(truth, prediction, labels=list(classes), normalize="true")
+        shares = confusion_matrix(truth, prediction, labels=classes, normalize="true")
         axis.imshow(shares, vmin=0, vmax=1, cmap="Blues")
         for row, column in np.argwhere(shares >= 0.005):
             dark = "white" if shares[row, column] > 0.6 else "black"
@@ -99,19 +119,19 @@ def embedding_map(recordings: Samples, classes: Mapping[str, str], title: str) -
     return drawing
 
 
-def label_curve(rows: Mapping[str, Sequence[Row]], chance: float) -> Figure:
-    """Draw accuracy against the number of labelled recordings per class, from {method: rows with the column `shots`}.
+def label_curve(rows: Mapping[str, Mapping[Any, Row]], chance: float) -> Figure:
+    """Draw accuracy against the number of labelled recordings per class, from {method: {number: row}}.
 
     The horizontal axis is symmetric-logarithmic, so that it includes zero labelled recordings.
     """
     drawing, axis = figure(width_in=COLUMN_WIDTH_IN * 1.4, height_in=2.8)
     for number, (method, found) in enumerate(rows.items()):
-        shots, value, low, high = (np.array([row[name] for row in found], float) for name in ("shots", "value", "low", "high"))
+        value, low, high = (np.array([row[name] for row in found.values()], float) for name in ("value", "low", "high"))
         colour = PALETTE[number % len(PALETTE)]
-        axis.plot(shots, value, color=colour, marker="os^DvPX"[number % 7], ms=4, label=method)
-        axis.fill_between(shots, low, high, color=colour, alpha=0.2, lw=0)
+        axis.plot(list(found), value, color=colour, marker="os^DvPX"[number % 7], ms=4, label=method)
+        axis.fill_between(list(found), low, high, color=colour, alpha=0.2, lw=0)
     axis.axhline(chance, color="black", ls="--", lw=0.8, label="chance")
-    ticks = sorted({int(row["shots"]) for found in rows.values() for row in found})
+    ticks = sorted({shots for found in rows.values() for shots in found})
     axis.set_xscale("symlog", base=2, linthresh=1)
     axis.set_xticks(ticks, [str(tick) for tick in ticks])
     axis.minorticks_off()

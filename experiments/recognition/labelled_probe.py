@@ -15,34 +15,39 @@ rows, every object is recorded at every distance.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments import draws
-from experiments.campaign.campaign import Call, Campaign, joined
-from experiments.campaign.cases import MEASURED, TWIN, Case
+from experiments.campaign.campaign import Call
+from experiments.campaign.cases import MEASURED, TWIN
+from experiments.campaign.frame import Frame, Wanted
 from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
+from experiments.cells import Cell, keys, table_rows
 from experiments.claims import Claim
+from experiments.draws import Part, Query, numbers
 from experiments.recognition import copies
-from experiments.recognition.figures import bars, confusions
+from experiments.recognition.copies import Copied
+from experiments.recognition.figures import Panels, bars, confusions, grouped, values
 from experiments.recognition.protocol import (
-    RecognitionRows,
+    RECORDINGS,
+    Scored,
     anchors,
     correct,
     count_sources,
     encoders,
     has_other_recordings,
+    read,
     scaled,
     seeds,
     settings,
     statistics_columns,
 )  # fmt: skip
-from experiments.recognition.readings import FEATURES, MOTION, paired, shared_cases, vectors
+from experiments.recognition.readings import MOTION, by_side, revolutions
 from experiments.statistics import share
 from radartwin.config.config import Config
 from radartwin.config.simulator import RFGenesisSimulator
@@ -55,9 +60,6 @@ from radartwin.recognize.split import as_domains, label_free, shuffled
 from radartwin.recognize.training import fit
 from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="labelled_probe",
@@ -73,7 +75,8 @@ TABLE = Table(
 
 RIVAL = "RF-Genesis (corrected)"
 PRETRAINED, RAW = "trained on simulation", "raw features"
-REVOLUTIONS, RECORDINGS, MATCHED = "other revolutions", "other recordings", "other revolutions, same distance"
+LAYOUT = "as in the paper"
+REVOLUTIONS, MATCHED = "other revolutions", "other revolutions, same distance"
 PROBES = {  # per probe: the paper's accuracy by method, and the paper's gain
     REVOLUTIONS: ({PRETRAINED: "95.3 %", RAW: "89.7 %", RIVAL: "90.1 %"}, "+5.6 points"),
     MATCHED: ({PRETRAINED: "95.3 %", RAW: "90.3 %"}, "+5.0 points"),
@@ -82,57 +85,30 @@ PROBES = {  # per probe: the paper's accuracy by method, and the paper's gain
 CASE = {"supervision": "few_shot", "setting": "turntable, 12 objects"}
 
 
-@dataclass(frozen=True, eq=False)
-class Data:
-    """Features of measured revolutions, and of copies of simulated revolutions by method.
-
-    `keys` holds the store keys of the recordings by method. Measured rows and the rows of each method are standardised separately by their
-    own mean and standard deviation.
+def query(config: Config) -> Query:
+    """Return the recordings of the table: also those that RF-Genesis simulates, and those in the layout of the paper
+    (profile.layout_turns), which recording sets do not have.
     """
-
-    measured: Samples
-    copies: Mapping[str, Samples]
-    keys: Mapping[str, tuple[str, ...]]
-
-    def keys_of(self, method: str) -> tuple[str, ...]:
-        """Return the store keys of the measured recordings and of the simulated recordings on which the method was trained, if there are
-        any.
-        """
-        return (*self.keys["measured"], *self.keys.get(method, ()))
-
-
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the table for the configured campaign, and for the same campaign simulated by RF-Genesis as a comparison."""
-
-    def scored(own: Config) -> Result:
-        rivals = {RIVAL: Campaign(rf_genesis(own), store, progress)} if own is config else {}
-        first, layout = draws.numbers(own)[0], _layout_campaign(own, store, progress)
-
-        def of_draw(campaign: Campaign) -> Result:
-            return score(own, campaign, store, progress, rivals, layout if campaign.draw == first else None)
-
-        return draws.scored(own, store, progress, of_draw)
-
-    return draws.beside_unknown(config, scored)
+    more, turns, measured = [Part(TWIN, rf_genesis(config), {"side": RIVAL})], config.profile.layout_turns, config.measured
+    if turns and measured.provider == "testbed":
+        profile = replace(config.profile, campaign=replace(config.profile.campaign, turns=turns))
+        first = replace(config, profile=profile, measured=replace(measured, draw=numbers(config)[0]))
+        more.append(Part(MEASURED, first, {"side": LAYOUT}, as_in_paper))
+    return Query(config, (MOTION,), several=True, side=PRETRAINED, unknown=True, more=more)
 
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
-    own = [config, *draws.unknown_contents(config)]
-    found = [draws.recordings(own, lambda campaign: paired(campaign, MOTION), store, progress)]
-    found.append(draws.recordings([rf_genesis(config)], simulated, store, progress))
-    if layout := _layout_campaign(config, store, progress):
-        found.append(layout.missing([(MEASURED, case) for case in as_in_paper(layout.cases(MEASURED, motion=MOTION))]))
-    return joined(found)
-
-
-def simulated(campaign: Campaign) -> list[tuple[str, Case]]:
-    """Return the simulated recordings that the copies need, as (domain, case) pairs."""
-    return [(TWIN, case) for case in shared_cases(campaign, MOTION)[1]]
+    return query(config).recordings(store, progress)
 
 
 def calls(config: Config) -> list[Call]:
     """Return the simulations of the random targets for every compared simulation (experiments/together.py)."""
-    return [call for one in (config, *draws.unknown_contents(config), rf_genesis(config)) for call in copies.calls(one)]
+    return [call for part in query(config).parts if part.domain == TWIN for call in copies.calls(part.config)]
+
+
+def run(config: Config, store: Store, progress: Progress) -> Result:
+    """Compute the table for the configured campaign, and for the same campaign simulated by RF-Genesis as a comparison."""
+    return score(config, *read(query(config), store, progress))
 
 
 def rf_genesis(config: Config) -> Config:
@@ -141,158 +117,93 @@ def rf_genesis(config: Config) -> Config:
     return replace(config, simulator=simulator)
 
 
-def _layout_campaign(config: Config, store: Store, progress: Progress) -> Campaign | None:
-    """Return the campaign with as many revolutions in a recording as in the paper, or None if the table has no rows of this layout.
-
-    There are no such rows if the profile has no `layout_turns`, or if the measurements come from a recording set.
-    """
-    turns = config.profile.layout_turns
-    if not turns or config.measured.provider != "testbed":
-        return None
-    profile = replace(config.profile, campaign=replace(config.profile.campaign, turns=turns))
-    return Campaign(replace(config, profile=profile), store, progress, draws.numbers(config)[0])
-
-
-def score(
-    config: Config, source: RecordingSource, store: Store, progress: Progress, rivals: Mapping[str, RecordingSource] | None = None,
-    layout: RecordingSource | None = None,
-) -> Result:  # fmt: skip
-    """Build the rows of every probe and of the controls.
-
-    Args:
-        rivals: the campaigns that other simulators simulated, by name.
-        layout: the campaign from which the recordings in the layout of the paper are taken; None leaves out the rows of this layout.
-    """
-    data = gather_data(config, source, store, progress, rivals or {})
-    measured = data.measured
-    rows = RecognitionRows(config)
-    chance = uniform_chance(measured)
-    trained = {method: encoders(config, label_free(simulated, measured)) for method, simulated in data.copies.items()}
-    embedded = {RAW: [measured]} | {method: [encoder.embedded(measured) for encoder in some] for method, some in trained.items()}
-    probes = _usable_probes(measured, progress)
-    predictions = {(method, probe): [_predict(samples, probe) for samples in some] for probe in probes for method, some in embedded.items()}
-    hits = {key: correct(found, measured.label) for key, found in predictions.items()}
-    shown = {}
-    for probe in probes:
-        shown[probe.replace(", ", ",\n")] = _add_probe(rows, data, probe, {method: hits[method, probe] for method in embedded}, chance)
-    last = list(probes)[-1]
-    panels = {method: (measured.label, predictions[method, last][0]) for method in (RAW, PRETRAINED)}
-    figures: dict[str, Callable[[], Figure]] = {
-        "labelled_probe": lambda: bars(shown, "accuracy", grey=RAW),
-        "labelled_probe_confusion": lambda: confusions(panels, measured.classes),
+def score(config: Config, frame: Frame, copied: Copied) -> Result:
+    """Build the table of every probe and of the controls."""
+    panels: Panels = {}
+    rows = table_rows(config, frame, partial(cells, config, copied, panels))
+    shown = grouped([row for row in rows if row["probe"] in PROBES and not row.get("layout")], "probe")
+    figures = {
+        "labelled_probe": lambda: bars({probe.replace(", ", ",\n"): of for probe, of in shown.items()}, "accuracy", grey=RAW),
+        "labelled_probe_confusion": lambda: confusions(panels),
     }
-    _add_controls(rows, data, chance)
-    used = {key for found in data.keys.values() for key in found}
-    if layout is not None:
-        used |= set(_add_layout(rows, data, trained, layout, progress))
-    metrics = {
-        f"accuracy_{name}_{probe.replace(', ', '_').replace(' ', '_')}": float(hits[method, probe].mean())
-        for name, method in (("pretrained", PRETRAINED), ("raw", RAW)) for probe in probes
-    } | {"chance": chance}  # fmt: skip
-    return Result("labelled_probe", rows, figures, metrics, sorted(used))
+    return Result(TABLE.name, rows, figures, values(shown), keys(frame))
 
 
-def _add_probe(
-    rows: RecognitionRows, data: Data, probe: str, hits: Mapping[str, NDArray], chance: float, layout: Mapping[str, str] | None = None
-) -> dict[str, Mapping[str, Any]]:
-    """Add the accuracy of every method, and the accuracy gain from training on simulation. Returns a dictionary {method: table row
-    with the accuracy}. `layout` holds further columns of the rows.
-    """
-    figures, gain = PROBES[probe]
-    case, shown = CASE | {"probe": probe, **(layout or {})}, {}
-    for method, found in hits.items():
-        claim = Claim("measured revolutions are recognised" if method == PRETRAINED else "", figures.get(method, ""))
-        shown[method] = rows.share(case | {"method": method}, found, data.measured, data.keys_of(method), chance, claim)
-    claims = {RAW: Claim("training on simulation beats the raw features", gain)}
-    claims |= {
-        method: Claim("training on our simulation is more accurate than on RF-Genesis", "+5.2 points" if probe == REVOLUTIONS else "")
-        for method in data.copies if method != PRETRAINED
-    }  # fmt: skip
-    for method, claim in claims.items():
-        keys = sorted({*data.keys_of(PRETRAINED), *data.keys_of(method)})
-        rows.gain(case | {"method": f"{PRETRAINED} - {method}"}, hits[PRETRAINED], hits[method], data.measured, keys, claim)
-    return shown
+def cells(config: Config, copied: Copied, panels: Panels, frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of one draw, and put the answers of the last probe in the first draw into `panels`."""
+    usual = frame[frame.side != LAYOUT]
+    measured, sides = scaled(revolutions(usual)), by_side(usual)
+    simulated = {method: scaled(copied(config, some)) for method, some in sides.items()}
+    trained = {method: encoders(config, label_free(rows, measured)) for method, rows in simulated.items()}
+    probes = [probe for probe in PROBES if probe != RECORDINGS or has_other_recordings(measured)]
+    yield from _probed(config, usual, measured, trained, dict.fromkeys(probes, uniform_chance(measured)))
+    yield from _controls(config, sides[PRETRAINED], measured, simulated[PRETRAINED])
+    if not panels:
+        shown = {RAW: measured, PRETRAINED: trained[PRETRAINED][0].embedded(measured)}
+        panels |= {method: (measured.label, _predict(some, probes[-1])) for method, some in shown.items()}
+    layout = frame[(frame.side == LAYOUT) | (frame.domain != MEASURED)]
+    if (layout.domain == MEASURED).any():
+        truth = scaled(revolutions(layout))
+        chances = {REVOLUTIONS: 1 / len(truth.classes), MATCHED: uniform_chance(truth)}
+        yield from _probed(config, layout, truth, trained, chances, {"layout": LAYOUT})
 
 
-def _add_layout(
-    rows: RecognitionRows, data: Data, trained: Mapping[str, Sequence[Encoder]], source: RecordingSource, progress: Progress
-) -> tuple[str, ...]:
-    """Add the probes on recordings in the layout of the paper, with the encoders `trained` of each method. Returns the store keys of these
-    recordings.
-    """
-    cases = as_in_paper(source.cases("measured", motion=MOTION))
-    progress.say(f"{len(cases)} measured {MOTION} recordings in the layout of the paper")
-    found = vectors(source, "measured", cases, FEATURES)
-    measured = scaled(found.samples)
-    own = replace(data, measured=measured, keys={**data.keys, "measured": found.keys})
-    embedded = {RAW: [measured]} | {method: [encoder.embedded(measured) for encoder in some] for method, some in trained.items()}
-    for probe, chance in ((REVOLUTIONS, 1 / len(measured.classes)), (MATCHED, uniform_chance(measured))):
-        hits = {method: correct([_predict(one, probe) for one in some], measured.label) for method, some in embedded.items()}
-        _add_probe(rows, own, probe, hits, chance, {"layout": "as in the paper"})
-    return found.keys
+def _probed(
+    config: Config, of: Frame, truth: Samples, trained: Mapping[str, Sequence[Encoder]], chances: Mapping[str, float],
+    layout: Mapping[str, str] | None = None,
+) -> Iterator[Cell]:  # fmt: skip
+    """Declare the accuracy of every method with each probe of `chances`, and the gain from training on simulation."""
+    embedded = {RAW: [truth]} | {method: [encoder.embedded(truth) for encoder in some] for method, some in trained.items()}
+    for probe, chance in chances.items():
+        hits = {method: correct([_predict(one, probe) for one in some], truth.label) for method, some in embedded.items()}
+        figures, gain = PROBES[probe]
+        claims = {method: Claim("", paper) for method, paper in figures.items()}
+        claims[PRETRAINED] = Claim("measured revolutions are recognised", figures.get(PRETRAINED, ""))
+        over_rival = Claim("training on our simulation is more accurate than on RF-Genesis", "+5.2 points" if probe == REVOLUTIONS else "")
+        pairs = {(PRETRAINED, RAW): Claim("training on simulation beats the raw features", gain)}
+        pairs |= {(PRETRAINED, method): over_rival for method in trained if method != PRETRAINED}
+        yield from Scored(config, truth, of, chance).compared(CASE | {"probe": probe, **(layout or {})}, hits, pairs, claims)
 
 
-def as_in_paper(cases: Sequence[Case]) -> list[Case]:
-    """Choose cases so that each object stands at one distance, and some objects also at a second distance.
+def as_in_paper(source: RecordingSource) -> Wanted:
+    """Choose measured recordings so that each object stands at one distance, and some objects also at a second distance.
 
     The number of objects with a second distance equals the number of distances. Twelve objects and four distances give four objects at each
     distance.
     """
+    cases = source.cases(MEASURED, motion=MOTION)
     objects, distances = sorted({case.object for case in cases}), sorted({case.distance_m for case in cases})
     count = len(distances)
     places = {(name, distances[k % count]) for k, name in enumerate(objects)}
     places |= {(name, distances[(k + count // 2) % count]) for k, name in enumerate(objects[:count])}
-    return [case for case in cases if (case.object, case.distance_m) in places and case.repetition == 0]
-
-
-def _usable_probes(measured: Samples, progress: Progress) -> list[str]:
-    """Return the names of all probes, but without the probe RECORDINGS if an object has only one recording."""
-    if has_other_recordings(measured):
-        return list(PROBES)
-    progress.say("some objects have a single recording, so the probe on other recordings is left out")
-    return [probe for probe in PROBES if probe != RECORDINGS]
+    return [(MEASURED, case) for case in cases if (case.object, case.distance_m) in places and case.repetition == 0]
 
 
 def _predict(samples: Samples, probe: str) -> NDArray[np.str_]:
     return leave_one_out_centroid(samples, samples.source if probe == RECORDINGS else None, stratified=probe == MATCHED)
 
 
-def gather_data(config: Config, source: RecordingSource, store: Store, progress: Progress, rivals: Mapping[str, RecordingSource]) -> Data:
-    """Return the measured revolutions, and copies of simulated recordings: those of RadarTwin and those of each other simulator in
-    `rivals`.
-    """
-    cases, twins = shared_cases(source, MOTION)
-    progress.say(f"{len(cases)} measured {MOTION} recordings")
-    measured = vectors(source, "measured", cases, FEATURES)
-    rows = {}
-    for method, simulated in {PRETRAINED: source, **rivals}.items():
-        progress.say(f"{len(twins)} simulated revolutions, {config.supervision.copies} copies of each: {method}")
-        rows[method] = copies.rows_of_copies(config, store, simulated, twins, cases, measured_source=source)["features"]
-    keys = {"measured": measured.keys, **{method: readings.keys for method, readings in rows.items()}}
-    return Data(scaled(measured.samples), {method: scaled(readings.samples) for method, readings in rows.items()}, keys)
-
-
-def _add_controls(rows: RecognitionRows, data: Data, chance: float) -> None:
-    """Add the controls: shuffled class labels and shuffled domains, both expected at chance, and a linear classifier of the true
+def _controls(config: Config, of: Frame, measured: Samples, simulated: Samples) -> Iterator[Cell]:
+    """Declare the controls: shuffled class labels and shuffled domains, both expected at chance, and a linear classifier of the true
     domains.
     """
-    measured, simulated, keys = data.measured, data.copies[PRETRAINED], data.keys_of(PRETRAINED)
     both = as_domains(join(simulated.per_recording(), measured))
-    texts, chosen = anchors(measured.classes), settings(rows.config)
+    texts, chosen = anchors(measured.classes), settings(config)
     predictions, shuffled_domains, domains = [], [], []
-    for seed in seeds(rows.config):
+    for seed in seeds(config):
         encoder = fit(label_free(shuffled(simulated, seed), measured), texts, chosen, seed).encoder
         predictions.append(nearest_text(encoder, measured.unlabelled(), texts, chosen.temperature))
         shuffled_domains.append(_domain_accuracy(shuffled(both, seed), seed))
         domains.append(_domain_accuracy(both, seed))
     shares = correct(predictions, measured.label).mean(axis=1)
     case = CASE | {"probe": "control", "method": "simulated labels shuffled, nearest text"}
-    rows.control(case, shares, measured, keys, chance)
+    yield Scored(config, measured, of, uniform_chance(measured)).control(case, shares)
     case = CASE | {"probe": "control", "method": "domains shuffled, linear probe"}
-    rows.control(case, np.array(shuffled_domains), both, keys, 0.5, metric="balanced accuracy")
+    yield Scored(config, both, of, 0.5).control(case, np.array(shuffled_domains), "balanced accuracy")
     case = CASE | {"probe": "linear probe", "method": "simulated or measured"} | statistics_columns(len(both), 0.5, np.array(domains))
     sources = count_sources(both)
-    rows.add(case, "balanced accuracy", share(float(np.sum(domains)) / len(domains) * (sources // 2), sources // 2), keys, count=sources)
+    estimate = share(float(np.sum(domains)) / len(domains) * (sources // 2), sources // 2)
+    yield Cell(case, "balanced accuracy", of, estimate, count=sources)
 
 
 def _domain_accuracy(samples: Samples, seed: int) -> float:

@@ -21,17 +21,17 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments import draws, statistics
-from experiments.campaign.campaign import Call, Campaign
+from experiments import statistics
+from experiments.campaign.campaign import Call
 from experiments.campaign.cases import MEASURED
 from experiments.campaign.frame import Frame, by_revolution, features
 from experiments.campaign.schedule import RecordingTask
-from experiments.cells import Cell, Estimator, keys, mean, per, table_rows
+from experiments.cells import Cell, Estimator, first_draw, keys, mean, per, table_rows
 from experiments.claims import NONE, Claim
 from experiments.recognition import labelled_probe
-from experiments.recognition.encoder_comparison import LABEL_STEP
-from experiments.recognition.figures import label_curve
-from experiments.recognition.labelled_probe import PRETRAINED, RAW, RIVAL, gather_data, rf_genesis
+from experiments.recognition.encoder_comparison import few_shot_hits
+from experiments.recognition.figures import grouped, label_curve
+from experiments.recognition.labelled_probe import PRETRAINED, RAW, RIVAL
 from experiments.recognition.protocol import (
     GEOMETRY,
     LEAST_GAIN,
@@ -40,10 +40,10 @@ from experiments.recognition.protocol import (
     at_chance,
     encoders,
     permuted_accuracy,
+    read,
     scaled,
-    seeds,
 )  # fmt: skip
-from experiments.recognition.readings import MOTION
+from experiments.recognition.readings import by_side
 from experiments.recognition.transfer import ranked
 from experiments.statistics import SHARE, SIGNED, Estimate
 from radartwin.config.config import Config
@@ -54,7 +54,7 @@ from radartwin.recognize.encoder import Encoder
 from radartwin.recognize.probes import nearest_centroid, transferred_probe
 from radartwin.recognize.samples import Samples
 from radartwin.recognize.score import majority_share
-from radartwin.recognize.split import draw_shots, label_free
+from radartwin.recognize.split import label_free
 from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.assortment import assortment
 from radartwin.store.products import Store
@@ -83,10 +83,8 @@ Copies = Mapping[str, Samples]  # scaled features of simulated copies by method
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
     own = of_assortment(config)
-    first = Campaign(own, store, progress, draws.numbers(own)[0])
-    data = gather_data(own, first, store, progress, {RIVAL: Campaign(rf_genesis(own), store, progress)})
-    result = score(own, draws.frame(own, store, progress, (MOTION,)), data.copies)
-    return replace(result, keys=sorted({*result.keys, *(key for some in data.keys.values() for key in some)}))
+    frame, copied = read(labelled_probe.query(own), store, progress)
+    return score(own, frame, {method: scaled(copied(own, some)) for method, some in by_side(first_draw(frame)).items()})
 
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
@@ -120,10 +118,8 @@ def score(config: Config, frame: Frame, copies: Copies) -> Result:
     on_ranks = encoders(config, label_free(ranked(copies[PRETRAINED]), ranked(some)))
     answers = pd.concat([_answered(config, rows, copies, trained, on_ranks) for _, rows in measured.groupby("draw")], ignore_index=True)
     rows = table_rows(config, answers, partial(cells, config))
-    accuracies = [row for row in rows if row["metric"] == "accuracy" and row.get("labels per class") in SHOTS]
-    curve = {
-        method: [row | {"shots": row["labels per class"]} for row in accuracies if row["method"] == method] for method in (RAW, *trained)
-    }
+    accuracies = [row for row in rows if row["metric"] == "accuracy" and not row.get("attribute")]
+    curve = grouped(accuracies, "method", "labels per class")
     metrics = {f"gain_over_{second}": _value(rows, f"{first} - {second}") for first, second in PAIRS if first == PRETRAINED}
     return Result(TABLE.name, rows, {TABLE.name: lambda: label_curve(curve, 1 / len(some.classes))}, metrics, keys(frame))
 
@@ -159,18 +155,13 @@ def _answered(
     truth, draw, columns = scaled(plain), int(revolutions.draw.iloc[0]), {}
     spaces = {RAW: [(copies[PRETRAINED], truth)]}
     spaces |= {method: [(one.embedded(copies[method]), one.embedded(truth)) for one in some] for method, some in trained.items()}
-    for method, some in spaces.items():
-        for shots in SHOTS:
-            hits = np.full((len(seeds(config)), len(truth)), np.nan)
-            for number, seed in enumerate(seeds(config)):
-                simulated, rows = some[min(number, len(some) - 1)]
-                if not shots:
-                    hits[number] = nearest_centroid(simulated, rows) == truth.label
-                    continue
-                known, rest = (np.isin(truth.recording, one.recording) for one in draw_shots(truth, shots, seed + LABEL_STEP * draw))
-                hits[number, rest] = nearest_centroid(rows.take(known), rows.take(rest)) == truth.label[rest]
-            scored = ~np.isnan(hits).all(axis=0)
-            columns[f"{method}, {shots}"] = np.where(scored, np.nansum(hits, axis=0) / np.maximum((~np.isnan(hits)).sum(axis=0), 1), np.nan)
+    hits = {f"{method}, 0": np.array([nearest_centroid(*pair) == truth.label for pair in some], float) for method, some in spaces.items()}
+    for shots in SHOTS[1:]:
+        found = few_shot_hits(config, {method: [rows for _, rows in some] for method, some in spaces.items()}, truth, shots, draw)
+        hits |= {f"{method}, {shots}": one for method, one in found.items()}
+    for name, found in hits.items():
+        count = (~np.isnan(found)).sum(axis=0)
+        columns[name] = np.nansum(found, axis=0) / np.where(count > 0, count, np.nan)
     for attribute, (classes, _) in ATTRIBUTES.items():
         pairs = [[one.embedded(ranked(rows).relabelled(classes)) for rows in (copies[PRETRAINED], plain)] for one in on_ranks]
         columns[attribute] = list(np.stack([transferred_probe(label_free(*pair)) for pair in pairs], axis=1))

@@ -1,15 +1,21 @@
-"""Functions that all recognition tables use: text embeddings, encoder settings, random seeds, and rows with intervals and verdicts."""
+"""Functions that all recognition tables use: text embeddings, encoder settings, random seeds, and cells with claims."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.claims import EQUAL, NONE, Claim, Row, RowList
+from experiments.campaign.cases import MEASURED
+from experiments.campaign.frame import Frame
+from experiments.cells import Cell
+from experiments.claims import EQUAL, NONE, Claim
+from experiments.draws import Query
+from experiments.recognition.copies import Copied, copies
 from experiments.statistics import (
     BINOMIAL,
     SHARE,
@@ -23,6 +29,7 @@ from experiments.statistics import (
     students_t,
 )  # fmt: skip
 from radartwin.config.config import Config
+from radartwin.io.progress import Progress
 from radartwin.recognize.encoder import Encoder, Settings, nearest_text
 from radartwin.recognize.probes import leave_one_out_centroid, repeatability, standardised
 from radartwin.recognize.samples import Samples
@@ -31,9 +38,7 @@ from radartwin.recognize.split import Split, label_free
 from radartwin.recognize.text import embed
 from radartwin.recognize.training import fit
 from radartwin.scene.objects.assortment import every_object
-
-if TYPE_CHECKING:
-    from experiments.recognition.readings import Readings
+from radartwin.store.products import Store
 
 LEAST_GAIN = 0.02  # smallest gain in accuracy that counts as an effect: one recording in fifty
 CHANCE_MARGIN = 0.1  # an accuracy that differs from chance by at most one recording in ten counts as chance
@@ -43,7 +48,7 @@ NO_SESSIONS = "the receiver has no gain and no start offset of its own in each s
 FLOOR_ONLY = "within 1 m of the target, the court has only the floor"
 ONE_OBJECT = "a class has a single object"
 ECHOES, LOOKS = "radar_description", "description"  # texts of an object: how its echo varies over a revolution, and what it looks like
-TEXT, CENTROID = "nearest text", "other recordings"  # names of probes
+TEXT, RECORDINGS = "nearest text", "other recordings"  # names of probes
 GEOMETRY = {name: "symmetric" if entry.symmetric else "asymmetric" for name, entry in every_object().items()}
 SHAPE: dict[str, str] = {name: entry.shape for name, entry in every_object().items()}
 MATERIAL: dict[str, str] = {name: entry.material_class for name, entry in every_object().items()}
@@ -56,6 +61,11 @@ def anchors(objects: Iterable[str], text: str = ECHOES) -> dict[str, NDArray]:
     known, names = every_object(), sorted(objects)
     text = text if all(getattr(known[name], text) for name in names) else LOOKS
     return dict(zip(names, embed([getattr(known[name], text) for name in names]), strict=True))
+
+
+def read(query: Query, store: Store, progress: Progress) -> tuple[Frame, Copied]:
+    """Return the frame of a turntable table, and the function that returns the copies of its simulated recordings."""
+    return query.frame(store, progress), partial(copies, store, query.sources(store, progress))
 
 
 def scaled(samples: Samples) -> Samples:
@@ -100,14 +110,14 @@ def statistics_columns(answers: int, chance: float | None = None, shares: NDArra
 def probe_hits(config: Config, measured: Samples, copies: Samples) -> dict[str, NDArray[np.bool_]]:
     """Train the encoder on scaled rows of simulated copies, and return for each probe whether each answer is correct, (seeds, N).
 
-    The probe TEXT needs no labels. The probe CENTROID needs at least two recordings of each object, and is left out without them.
+    The probe TEXT needs no labels. The probe RECORDINGS needs at least two recordings of each object, and is left out without them.
     """
     trained = encoders(config, label_free(copies, measured))
     texts, temperature = anchors(measured.classes), settings(config).temperature
     found = {TEXT: correct([nearest_text(one, measured.unlabelled(), texts, temperature) for one in trained], measured.label)}
     if has_other_recordings(measured):
         answers = [leave_one_out_centroid(one.embedded(measured), measured.source) for one in trained]
-        found[CENTROID] = correct(answers, measured.label)
+        found[RECORDINGS] = correct(answers, measured.label)
     return found
 
 
@@ -116,100 +126,118 @@ def correct(predictions: Sequence[NDArray], truth: NDArray) -> NDArray[np.bool_]
     return np.stack([prediction == truth for prediction in predictions])
 
 
-class RecognitionRows(RowList):
-    """The list of the rows of one recognition table, with methods that append a row. Column n counts measured recordings."""
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """Declare the cells about predictions on the measured recordings of one draw. Column n counts measured recordings.
 
-    def share(
-        self, case: Mapping[str, Any], hits: NDArray, recordings: Samples, keys: Sequence[str], chance: float, claim: Claim = NONE,
-        balanced: bool = False, answers: Sequence[NDArray] | None = None,
-    ) -> Row:  # fmt: skip
-        """Append the accuracy (share of correct predictions). A claim without a condition says that it is above chance.
+    Attributes:
+        truth: the N classified rows, with their classes.
+        of: the recordings of the cells. If they have several simulations (column `side`), `compared` takes those that a cell names.
+        chance: accuracy of a random guess.
+    """
+
+    config: Config
+    truth: Samples
+    of: Frame
+    chance: float
+
+    def accuracy(
+        self, case: Mapping[str, Any], hits: NDArray, claim: Claim = NONE, balanced: bool = False, answers: Sequence[NDArray] | None = None
+    ) -> Cell:
+        """Return the accuracy (share of correct predictions). A claim without a condition says that it is above chance.
 
         If `answers` is given, the test permutes the classes of the objects, and the accuracy without an effect is the mean accuracy of the
         permuted classes. This asks for several objects in each class. Otherwise the interval is a bootstrap over objects.
 
         Args:
-            hits: boolean (seeds, N), whether each prediction is correct.
+            hits: (seeds, N), whether each prediction is correct; NaN for a row that a seed does not classify.
             balanced: if true, the accuracy is the balanced accuracy (mean of the accuracies of all classes).
             answers: (seeds) predicted classes (N,).
         """
+        hits, truth = self._classified(hits)
         metric, null = "balanced accuracy" if balanced else "accuracy", None
-        if answers is not None and np.unique(recordings.label).size > 1:
-            found = permuted_accuracy(answers, recordings, self.config.seed, balanced)
+        if answers is not None and len(truth.classes) > 1:
+            found = permuted_accuracy(answers, truth, self.config.seed, balanced)
             null = float(found.shuffled.mean())  # type: ignore[union-attr]
         else:
-            found = self._clustered(hits, recordings, SHARE, recordings.label if balanced else None)
+            classes, seeds = truth.label if balanced else None, (self.config.profile.resamples, self.config.seed)
+            found = replace(clustered(hits, truth.object, *seeds, classes, SHARE), closed=is_closed(truth))
             if found.low == found.high:  # all resamples are equal, for example if all predictions are correct
                 found = replace(share(found.value * found.n, found.n), closed=found.closed)
-        if balanced and any(np.unique(recordings.object[recordings.label == one]).size < 2 for one in np.unique(recordings.label)):
+        if balanced and any(np.unique(truth.object[truth.label == one]).size < 2 for one in truth.classes):
             claim = replace(claim, untestable=ONE_OBJECT)
         if claim.bound is None and claim.null is None:
-            claim = replace(claim, bound=chance, null=null)
-        columns = statistics_columns(len(recordings), chance, np.nanmean(np.atleast_2d(hits), axis=1))
-        return self.add({**case, **columns}, metric, found, keys, claim, count_sources(recordings))
+            claim = replace(claim, bound=self.chance, null=null)
+        columns = statistics_columns(len(truth), self.chance, np.nanmean(hits, axis=1))
+        return Cell({**case, **columns}, metric, self.of, found, claim, count_sources(truth))
 
-    def gain(
-        self, case: Mapping[str, Any], first: NDArray, second: NDArray, recordings: Samples, keys: Sequence[str], claim: Claim = NONE
-    ) -> Row:
-        """Append the accuracy of `first` minus that of `second` on the same recordings, with the test that swaps the methods of objects.
+    def gain(self, case: Mapping[str, Any], first: NDArray, second: NDArray, claim: Claim = NONE) -> Cell:
+        """Return the accuracy of `first` minus that of `second` on the same recordings, with the test that swaps the methods of objects.
         The claim is that the gain is above LEAST_GAIN.
         """
-        differences = np.atleast_2d(first).mean(axis=0) - np.atleast_2d(second).mean(axis=0)
-        _, item = np.unique(recordings.object, return_inverse=True)
+        (ours, truth), (theirs, _) = (self._classified(hits) for hits in (first, second))
+        differences = np.nanmean(ours, axis=0) - np.nanmean(theirs, axis=0)
+        _, item = np.unique(truth.object, return_inverse=True)
         found = sign_flipped(np.bincount(item, differences) / np.bincount(item), self.config.seed, SIGNED)
-        case = {**case, **statistics_columns(len(recordings), 0.0)}
+        case = {**case, **statistics_columns(len(truth), 0.0)}
         claim = replace(claim, bound=LEAST_GAIN, null=0.0)
-        found = replace(found, closed=is_closed(recordings))
-        return self.add(case, "gain in accuracy", found, keys, claim, count_sources(recordings))
+        return Cell(case, "gain in accuracy", self.of, replace(found, closed=is_closed(truth)), claim, count_sources(truth))
 
-    def control(
-        self, case: Mapping[str, Any], shares: NDArray, scored: Samples, keys: Sequence[str], chance: float, metric: str = "accuracy"
-    ) -> Row:
-        """Append the mean of the accuracies `shares` (shuffles,) with shuffled labels. The claim is that this mean is at chance level.
+    def compared(
+        self, case: Mapping[str, Any], hits: Mapping[str, NDArray], pairs: Mapping[tuple[str, str], Claim],
+        claims: Mapping[str, Claim] | None = None, column: str = "method", answers: Mapping[str, Sequence[NDArray]] | None = None,
+    ) -> Iterator[Cell]:  # fmt: skip
+        """Yield the accuracy of each method (see `accuracy`), and the gain of the first method over the second of each pair.
+
+        Args:
+            hits, claims, answers: by method. column: column of the method.
+        """
+        for method, found in hits.items():
+            claim, own = (claims or {}).get(method, NONE), self.using(method)
+            yield own.accuracy({**case, column: method}, found, claim, answers=answers[method] if answers else None)
+        for (first, second), claim in pairs.items():
+            yield self.using(first, second).gain({**case, column: f"{first} - {second}"}, hits[first], hits[second], claim)
+
+    def using(self, *sides: str) -> Scored:
+        """Return this with the measured recordings and those of some simulations. A single simulation without a name is kept."""
+        if set(self.of.side[self.of.domain != MEASURED]) == {""}:
+            return self
+        return replace(self, of=self.of[(self.of.domain == MEASURED) | self.of.side.isin(sides)])
+
+    def control(self, case: Mapping[str, Any], shares: NDArray, metric: str = "accuracy") -> Cell:
+        """Return the mean of the accuracies `shares` (shuffles,) with shuffled labels. The claim is that this mean is at chance level.
 
         Only the shuffles are independent of each other. The recordings of one shuffle are not independent, because the same few labels
         classify all of them.
         """
-        case = {**case, **statistics_columns(len(scored), chance, shares)}
-        return self.add(
-            case, metric, students_t(shares, SHARE, "shuffles"), keys, at_chance("at chance", "", chance), count_sources(scored)
-        )
+        case, claim = {**case, **statistics_columns(len(self.truth), self.chance, shares)}, at_chance("at chance", "", self.chance)
+        return Cell(case, metric, self.of, students_t(shares, SHARE, "shuffles"), claim, count_sources(self.truth))
 
-    def _clustered(self, values: NDArray, recordings: Samples, limits: tuple[float, float], classes: NDArray | None = None) -> Estimate:
-        found = clustered(values, recordings.object, self.config.profile.resamples, self.config.seed, classes, limits)
-        return replace(found, closed=is_closed(recordings))
+    def _classified(self, hits: NDArray) -> tuple[NDArray[np.float64], Samples]:
+        """Return the columns of `hits` that a seed classifies, and their rows."""
+        hits = np.atleast_2d(np.asarray(hits, float))
+        chosen = ~np.isnan(hits).all(axis=0)
+        return hits[:, chosen], self.truth.take(chosen)
 
 
 def compared_trainings(
-    config: Config, column: str, trained: Iterable[tuple[str, Readings, Readings]], claims: Mapping[str, str]
-) -> tuple[RecognitionRows, dict[str, dict[str, Row]], list[str]]:
-    """Train an encoder for each name in `trained`. The rows are its accuracy with each probe, and the gain of the first over the others.
+    config: Config, frame: Frame, column: str, trained: Iterable[tuple[str, Samples, Samples]], claims: Mapping[str, str]
+) -> Iterator[Cell]:
+    """Train an encoder for each name in `trained`, and declare its accuracy with each probe, and the gain of the first over the others.
 
     Args:
         column: column of the name. trained: (name, features of measured revolutions, features of copies of simulated revolutions).
         claims: text of the claim about the gain over a name.
-    Returns:
-        The rows, those with the accuracy as {probe: {name: row}}, and the store keys of the recordings.
     """
     hits: dict[str, dict[str, NDArray[np.bool_]]] = {}
-    known: set[str] = set()
-    truth: Samples | None = None
-    for name, measured, copies in trained:
-        samples = scaled(measured.samples)
-        truth = samples if truth is None else truth
-        known |= {*measured.keys, *copies.keys}
-        for probe, right in probe_hits(config, samples, scaled(copies.samples)).items():
+    for name, measured, simulated in trained:
+        truth = scaled(measured)
+        for probe, right in probe_hits(config, truth, scaled(simulated)).items():
             hits.setdefault(probe, {})[name] = right
-    assert truth is not None
-    rows, shown, keys, chance = RecognitionRows(config), {probe: {} for probe in hits}, sorted(known), uniform_chance(truth)
+    scored = Scored(config, truth, frame, uniform_chance(truth))
     for probe, of in hits.items():
-        first = next(iter(of))
-        for name, right in of.items():
-            case = {"supervision": "label_free" if probe == TEXT else "few_shot", "probe": probe, column: name}
-            shown[probe][name] = rows.share(case, right, truth, keys, chance)
-            if name != first:
-                rows.gain(case | {column: f"{first} - {name}"}, of[first], right, truth, keys, Claim(claims.get(name, "")))
-    return rows, shown, keys
+        case, (first, *others) = {"supervision": "label_free" if probe == TEXT else "few_shot", "probe": probe}, of
+        yield from scored.compared(case, of, {(first, name): Claim(claims.get(name, "")) for name in others}, column=column)
 
 
 def at_chance(text: str, paper: str, chance: float) -> Claim:

@@ -10,15 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import fields, replace
-from typing import Any
 
-from experiments import draws
 from experiments.campaign.campaign import Call
-from experiments.campaign.source import RecordingSource
+from experiments.campaign.frame import Frame
+from experiments.cells import Cell, keys, table_rows
+from experiments.draws import Query
 from experiments.recognition import copies
-from experiments.recognition.figures import bars
-from experiments.recognition.protocol import compared_trainings
-from experiments.recognition.readings import Readings
+from experiments.recognition.copies import Copied
+from experiments.recognition.figures import bars, grouped, values
+from experiments.recognition.protocol import compared_trainings, read
+from experiments.recognition.readings import MOTION, revolutions
 from radartwin.config.config import Config
 from radartwin.config.study import RandomiseConfig
 from radartwin.io.progress import Progress
@@ -39,12 +40,12 @@ QUANTITIES = tuple(one.name for one in fields(RandomiseConfig))
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, store, progress))
+    return score(config, *read(Query(config, (MOTION,), several=True), store, progress))
 
 
 def calls(config: Config) -> list[Call]:
     """Return the simulations of the random targets of each kind of copies (experiments/together.py)."""
-    return [call for left_out in kinds(config).values() for call in copies.calls(copied(config, left_out))]
+    return [call for left_out in kinds(config).values() for call in copies.calls(copied_as(config, left_out))]
 
 
 def kinds(config: Config) -> dict[str, tuple[str, ...]]:
@@ -52,22 +53,20 @@ def kinds(config: Config) -> dict[str, tuple[str, ...]]:
     return {ALL: (), NOISE_ONLY: QUANTITIES} | {f"without {name}": (name,) for name in config.profile.left_out}
 
 
-def copied(config: Config, left_out: tuple[str, ...]) -> Config:
+def copied_as(config: Config, left_out: tuple[str, ...]) -> Config:
     """Return the configuration whose copies keep the quantities `left_out` nominal."""
     chosen = replace(config.supervision.randomise, **dict.fromkeys(left_out, 0.0))
     return replace(config, supervision=replace(config.supervision, randomise=chosen))
 
 
-def score(config: Config, source: RecordingSource, store: Store, progress: Progress) -> Result:
-    """Build the rows of each kind of copies and probe."""
+def score(config: Config, frame: Frame, copied: Copied) -> Result:
+    """Build the table of each kind of copies and probe."""
 
-    def trained() -> Iterator[tuple[str, Readings, Readings]]:
-        for kind, left_out in progress.over(list(kinds(config).items()), "copies"):
-            yield kind, *copies.measured_and_copies(copied(config, left_out), source, store, progress)
+    def cells(one: Frame) -> Iterator[Cell]:
+        trained = ((kind, revolutions(one), copied(copied_as(config, names), one)) for kind, names in kinds(config).items())
+        return compared_trainings(config, one, "copies", trained, {NOISE_ONLY: "drawing all quantities helps"})
 
-    rows, shown, used = compared_trainings(config, "copies", trained(), {NOISE_ONLY: "drawing all quantities helps"})
-    by_kind = {kind: {probe: of[kind] for probe, of in shown.items()} for kind in kinds(config)}
-    figures: dict[str, Any] = {"randomisation_ablation": lambda: bars(by_kind, "accuracy")}
-    metrics = {f"accuracy_{probe.replace(' ', '_')}_{kind.replace(' ', '_')}": float(row["value"]) for probe, of in shown.items()
-               for kind, row in of.items() if kind in (ALL, NOISE_ONLY)}  # fmt: skip
-    return Result(TABLE.name, rows, figures, metrics, used)
+    rows = table_rows(config, frame, cells)
+    shown = grouped(rows, "copies", "probe")
+    metrics = values({kind: shown[kind] for kind in (ALL, NOISE_ONLY)})
+    return Result(TABLE.name, rows, {TABLE.name: lambda: bars(shown, "accuracy")}, metrics, keys(frame))

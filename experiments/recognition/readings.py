@@ -1,140 +1,112 @@
-"""Read a campaign's recordings as feature rows: a row per recording, revolution, frame, range-time signature or noisy copy."""
+"""Feature rows of a frame's recordings: a row for each revolution, picture of a revolution, frame of a drive, or range-time signature."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from experiments.campaign.cases import COMPARED, Case
-from experiments.campaign.columns import revolutions
-from experiments.campaign.source import RecordingSource
+from experiments.campaign.cases import COMPARED, MEASURED, REFLECTOR, Case
+from experiments.campaign.frame import Frame, features
 from radartwin.errors import InputError
-from radartwin.features import sets
-from radartwin.features.log import Log, angles, distances
-from radartwin.features.pictures import flattened, picture
-from radartwin.features.processed import Processed
-from radartwin.recognize.samples import MEASURED, SIMULATED, Part, Samples, gather
+from radartwin.features.profile import FAR_M, NEAR_M
+from radartwin.recognize import samples
+from radartwin.recognize.learners.interface import Reads
+from radartwin.recognize.samples import SIMULATED, Part, Samples, gather
 
 MOTION, FEATURES = "turntable", "rotation"  # motion and feature set of the turntable tables
 PROFILES = 50  # number of range profiles of a range-time signature
-Reader = Callable[[Processed, Log], tuple[list[str], np.ndarray]]  # returns feature names and values
 
 
-@dataclass(frozen=True, eq=False)
-class Readings:
-    """Rows of features, and the store keys of the recordings from which the features were computed."""
+def recording_name(domain: str, case: Case | Any) -> str:
+    """Return a name that contains the domain (measured or simulated) and sorts by object, room, motion, distance, repetition and draw.
 
-    samples: Samples
-    keys: tuple[str, ...]
-
-
-def recording_name(domain: str, case: Case) -> str:
-    """Return a name that contains the domain (measured or simulated) and sorts by object, room, motion, distance, repetition and draw."""
+    `case` is a Case or a row of a frame.
+    """
     draw = f" draw {case.draw}" if case.draw else ""
     return f"{case.object} {case.room} {case.motion} {case.distance_m:g} m #{case.repetition}{draw} {domain}"
 
 
-def stratum(case: Case) -> str:
-    """Return as text the distance of a case. Recordings of equal distance form a stratum (group); features are ranked within each
-    stratum.
+def stratum(distance_m: float) -> str:
+    """Return a distance as text. Recordings of equal distance form a stratum (group); features are ranked within each stratum."""
+    return f"{distance_m:g} m"
+
+
+def gathered(rows: Frame, names: Sequence[str], values: Iterable[NDArray], turns: bool = False) -> Samples:
+    """Return the feature rows of recordings, sorted by the names of the recordings.
+
+    Args:
+        values: for each recording (n, D) values of the D features `names`, or (D,) if there is one row.
+        turns: whether each row of the values is a revolution, which counts as a recording of its own.
     """
-    return f"{case.distance_m:g} m"
+    parts = []
+    for row, own in zip(rows.itertuples(), values, strict=True):
+        name, domain = recording_name(row.domain, row), samples.MEASURED if row.domain == MEASURED else SIMULATED
+        cut = [(f"{name} turn {number:02d}", one) for number, one in enumerate(own)] if turns else [(name, own)]
+        parts += [Part(one, row.object, domain, part, stratum(row.distance_m), name) for one, part in cut]
+    return gather(names, parts)
 
 
-def shared_cases(source: RecordingSource, motion: str, room: str | None = None, domain: str = "twin") -> tuple[list[Case], list[Case]]:
-    """Return (measured, simulated) cases of the objects, rooms and distances that both domains contain.
-
-    Distances with fewer than two objects are left out. For all objects in the same room and at the same distance, the number of measured
-    cases is equal.
-
-    Raises:
-        InputError: no case is left.
-    """
-    chosen = {"motion": motion} | ({"room": room} if room else {})
-    cases = [source.cases(side, **chosen) for side in ("measured", domain)]
-    places = set.intersection(*({(case.object, case.room, case.distance_m) for case in side} for side in cases))
-    objects = {(where, distance): {o for o, w, d in places if (w, d) == (where, distance)} for _, where, distance in places}
-    shared = {(o, where, distance) for o, where, distance in places if len(objects[where, distance]) > 1}
-    if not shared:
-        place = f" in {room}" if room else ""
-        raise InputError(
-            f"the campaign has no {motion} recordings{place} of two objects at one distance, both measured and simulated; add objects"
-        )
-    measured, simulated = ([case for case in side if (case.object, case.room, case.distance_m) in shared] for side in cases)
-    return balanced(measured), simulated
+def revolutions(frame: Frame, kind: Reads = "features", domain: str = MEASURED) -> Samples:
+    """Return the rotation features or the picture of each revolution of the turntable recordings of a domain."""
+    rows = frame[frame.domain == domain]
+    if kind == "features":
+        return gathered(rows, features(rows), rows.revolutions, turns=True)
+    return gathered(rows, cells(rows.pictures.iloc[0].shape[1]), rows.pictures, turns=True)
 
 
-def paired(source: RecordingSource, motion: str) -> list[tuple[str, Case]]:
-    """Return the (domain, case) pairs of `shared_cases`."""
-    return [(domain, case) for domain, cases in zip(COMPARED, shared_cases(source, motion), strict=True) for case in cases]
+def cells(count: int) -> list[str]:
+    """Return the names of the cells of a picture or a signature."""
+    return [f"cell {number}" for number in range(count)]
 
 
-def balanced(cases: Sequence[Case]) -> list[Case]:
-    """Keep an equal number of repetitions for all objects in the same room and distance: the smallest number that any object has."""
-    found: dict[tuple[str, float], dict[str, list[Case]]] = {}
-    for case in sorted(cases, key=lambda case: case.repetition):
-        found.setdefault((case.room, case.distance_m), {}).setdefault(case.object, []).append(case)
-    chosen = {case for by_object in found.values() for some in by_object.values() for case in some[: min(map(len, by_object.values()))]}
-    return [case for case in cases if case in chosen]
+def without(rows: Samples, *names: str) -> Samples:
+    """Return the rows without some of their features."""
+    kept = [name not in names for name in rows.names]
+    return rows.with_values(rows.values[:, kept], np.array(rows.names)[kept].tolist())
 
 
-def vectors(source: RecordingSource, domain: str, cases: Sequence[Case], features: str, without: Sequence[str] = ()) -> Readings:
-    """Read one feature row per recording. For a turntable, read one feature row per revolution."""
-    return _read(source, domain, cases, lambda processed, log: sets.vector(processed, log, features, without), by_revolution=True)
+def by_side(frame: Frame) -> dict[str, Frame]:
+    """Return for each simulation, by its name in the column `side`, its recordings and the measured ones."""
+    sides = frame.side[frame.domain != MEASURED].unique()
+    return {name: frame[(frame.domain == MEASURED) | (frame.side == name)] for name in sides}
 
 
-def pictures(source: RecordingSource, domain: str, cases: Sequence[Case]) -> Readings:
-    """Read the picture of each turntable revolution (radartwin.features.pictures) as one row."""
-    return _read(source, domain, cases, picture_row, by_revolution=True)
+def frames(rows: Frame) -> Samples:
+    """Return the features of each frame of drives."""
+    return gathered(rows, rows.frame_features.iloc[0].tolist(), rows.frames)
 
 
-def picture_row(processed: Processed, log: Log) -> tuple[list[str], np.ndarray]:
-    return flattened(picture(processed, angles(log, processed.num_frames), float(np.mean(distances(log, processed.num_frames)))))
+def profile_db(power: NDArray, range_m: NDArray) -> NDArray:
+    """Return range profiles (..., B) in dB from 0.3 to 5.5 m in range."""
+    return 10 * np.log10(np.maximum(power[..., (range_m >= NEAR_M) & (range_m <= FAR_M)], np.finfo(np.float32).tiny))
 
 
-def frames(source: RecordingSource, domain: str, cases: Sequence[Case], features: str, materials: Any = None) -> Readings:
-    return _read(source, domain, cases, lambda processed, log: sets.frames(processed, log, features), materials)
-
-
-def signatures(source: RecordingSource, domain: str, cases: Sequence[Case]) -> Readings:
-    """Read the range-time signature of each recording as one feature row.
-
-    A signature holds levels in dB from 0.3 to 5.5 m in range, interpolated in time to PROFILES profiles.
+def signatures(rows: Frame) -> Samples:
+    """Return the range-time signature of each drive as one feature row: its levels (see `profile_db`), interpolated in time to PROFILES
+    profiles.
     """
 
-    def signature(processed: Processed, log: Log) -> tuple[list[str], np.ndarray]:
-        names, level = sets.frames(processed, log, "raw")
+    def signature(level: NDArray) -> NDArray:
         times = np.linspace(0, len(level) - 1, PROFILES)
         before = np.minimum(times.astype(int), len(level) - 1)
         after, share = np.minimum(before + 1, len(level) - 1), (times - before)[:, None]
-        picture = (1 - share) * level[before] + share * level[after]
-        return [f"{row} {name}" for row in range(PROFILES) for name in names], picture.ravel()
+        return ((1 - share) * level[before] + share * level[after]).ravel()
 
-    return _read(source, domain, cases, signature)
-
-
-def _read(
-    source: RecordingSource, domain: str, cases: Sequence[Case], reader: Reader, materials: Any = None, by_revolution: bool = False
-) -> Readings:
-    source.prepare([(domain, case) for case in cases], materials)
-    recordings = ((case, *source.processed(domain, case, materials), source.log(case, domain)) for case in cases)
-    return read_rows(domain, recordings, reader, by_revolution)
+    values = [signature(profile_db(row.power, row.range_m).astype(np.float64)) for row in rows.itertuples()]
+    return gathered(rows, cells(len(values[0])), values)
 
 
-def read_rows(domain: str, recordings: Iterable[tuple[Case, str, Processed, Log]], reader: Reader, by_revolution: bool = False) -> Readings:
-    """Collect the feature rows that `reader` computes for each (case, store key, processed recording, log)."""
-    parts, keys, names = [], [], []
-    for case, key, processed, log in recordings:
-        for suffix, piece, piece_log in revolutions(processed, log) if by_revolution else [("", processed, log)]:
-            names, values = reader(piece, piece_log)
-            parts.append(part(domain, case, values, suffix))
-        keys.append(key)
-    return Readings(gather(names, parts), tuple(sorted(keys)))
+def reflector(rows: Frame) -> Frame:
+    """Return one recording in each domain of the corner reflector at its middle distance, for the calibration.
 
-
-def part(domain: str, case: Case, values: np.ndarray, suffix: str = "") -> Part:
-    name = recording_name(domain, case)
-    return Part(name + suffix, case.object, MEASURED if domain == "measured" else SIMULATED, values, stratum(case), name)
+    Raises InputError if the rows have no reflector.
+    """
+    found = rows[rows.object == REFLECTOR]
+    if set(found.domain) < set(COMPARED):
+        where = " and ".join(sorted({f"{motion} in {room}" for motion, room in zip(rows.motion, rows.room, strict=True)}))
+        raise InputError(f"calibration: the campaign has no {where} recording of the {REFLECTOR}; record one")
+    distances = sorted(found.distance_m.unique())
+    return found[found.distance_m == distances[len(distances) // 2]].drop_duplicates("domain")

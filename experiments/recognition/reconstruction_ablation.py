@@ -12,22 +12,26 @@ labelled materials, and 6 only with the uniform material; p 0.001.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments import draws
-from experiments.campaign.campaign import Campaign, joined, make_together
+from experiments.campaign.cases import TWIN
+from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
-from experiments.campaign.source import RecordingSource
+from experiments.cells import Cell, keys, table_rows
 from experiments.claims import Claim
+from experiments.draws import Part, Query
 from experiments.recognition import transfer
-from experiments.recognition.figures import bars, confusions
-from experiments.recognition.protocol import FLOOR_ONLY, SHAPE, RecognitionRows, correct, sign_test, statistics_columns
+from experiments.recognition.figures import Panels, bars, confusions, grouped, values
+from experiments.recognition.protocol import FLOOR_ONLY, SHAPE, Scored, correct, sign_test, statistics_columns
+from experiments.recognition.readings import by_side
 from experiments.statistics import share
 from radartwin.config.config import Config
+from radartwin.config.materials import UniformMaterials, VoidMaterials
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
 from radartwin.recognize.score import majority_share, uniform_chance
@@ -44,89 +48,82 @@ TABLE = Table(
 
 ROOM, MOTION = "squash_court", "lateral"
 LABELLED, UNIFORM, VOID = "labelled materials", "one material", "no room"
-METHODS = ((LABELLED, "twin", None), (UNIFORM, "twin", "uniform"), (VOID, "void", None))  # method, domain, materials
 PAPER = {
     "object": {LABELLED: "0.227 +- 0.015", UNIFORM: "0.192 +- 0.015", VOID: "0.138 +- 0.008"},
     "shape": {LABELLED: "0.65", UNIFORM: "0.66", VOID: "0.54"},
 }
+BEATS = {
+    (LABELLED, UNIFORM): "labelled materials beat one material", (UNIFORM, VOID): "a room of one material beats none",
+    (LABELLED, VOID): "the reconstructed room beats none",
+}  # fmt: skip
 
 
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    make_together(recordings(config, store, progress), config.jobs, progress)
-    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, progress), rover=True)
-
-
-def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
-    check(config)
-    campaign = Campaign(config, store, progress)
-    return joined(transfer.missing(campaign, ROOM, MOTION, domain, materials) for _, domain, materials in METHODS)
-
-
-def check(config: Config) -> None:
-    """Raise ConfigError if the configured simulation already has a uniform material or no room."""
+def query(config: Config) -> Query:
+    """Return the recordings of the table, with each simulation as a side. Raises ConfigError if the configured simulation already has a
+    uniform material or no room.
+    """
     if config.materials.source in ("uniform", "void"):
         raise ConfigError(
             f"the ablation compares labelled materials with uniform and no materials; choose another source than {config.materials.source}"
         )
+    others = {UNIFORM: UniformMaterials(), VOID: VoidMaterials()}
+    more = [Part(TWIN, replace(config, materials=materials), {"side": name}) for name, materials in others.items()]
+    return Query(config, (MOTION,), ROOM, several=True, side=LABELLED, more=more)
 
 
-def score(config: Config, source: RecordingSource, progress: Progress) -> Result:
-    """Build rows of accuracy for each simulation and kind of classes, of accuracy gains between simulations, and of paired tests."""
-    check(config)
-    read: dict[str, transfer.Frames] = {}
-    for method, domain, materials in METHODS:
-        progress.say(f"{MOTION} drives in {ROOM}: {method}")
-        read[method] = transfer.read(source, ROOM, MOTION, domain, materials)
-    keys = sorted({key for frames in read.values() for key in frames.keys})
-    recordings = read[LABELLED].measured.per_recording()
-    rows = RecognitionRows(config)
-    shown: dict[str, dict[str, dict[str, Any]]] = {}
-    panels: dict[str, tuple[NDArray, NDArray]] = {}
-    hits: dict[tuple[str, str], NDArray] = {}
-    for classes, names in (("object", None), ("shape", SHAPE)):
-        truth = recordings if names is None else recordings.relabelled(names)
-        chance = uniform_chance(truth) if names is None else majority_share(truth)
-        for method, frames in read.items():
-            predictions = transfer.predict(config, transfer.ranked_split(frames, names))
-            hits[classes, method] = correct(predictions, truth.label)
-            answers = None if names is None else predictions
-            text = "with the room in the simulation, object accuracy is above chance" if (classes, method) == ("object", LABELLED) else ""
-            case, claim = {"classes": classes, "method": method}, Claim(text, PAPER[classes][method])
-            row = rows.share(case, hits[classes, method], truth, frames.keys, chance, claim, answers=answers)
-            shown.setdefault(classes, {})[method] = row
-            if names is None:
-                panels[method] = (truth.label, predictions[0])
-        for better, worse, text in (
-            (LABELLED, UNIFORM, "labelled materials beat one material"),
-            (UNIFORM, VOID, "a room of one material beats none"),
-            (LABELLED, VOID, "the reconstructed room beats none"),
-        ):
-            claim = Claim(text if classes == "object" or worse == VOID else "", untestable=FLOOR_ONLY)
-            case = {"classes": classes, "method": f"{better} - {worse}"}
-            rows.gain(case, hits[classes, better], hits[classes, worse], truth, keys, claim)
-    _add_paired(rows, hits, recordings.object, keys)
+def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
+    return query(config).recordings(store, progress)
+
+
+def run(config: Config, store: Store, progress: Progress) -> Result:
+    return score(config, query(config).frame(store, progress), progress)
+
+
+def score(config: Config, frame: Frame, progress: Progress) -> Result:
+    """Build the table of accuracy for each simulation and kind of classes, of accuracy gains between simulations, and of paired tests."""
+    panels: Panels = {}
+    rows = table_rows(config, frame, partial(cells, config, progress, panels))
+    shown = grouped(rows, "classes")
     figures = {
         "reconstruction_ablation": lambda: bars(shown, "accuracy", grey=VOID),
-        "reconstruction_ablation_confusion": lambda: confusions(panels, recordings.classes),
+        "reconstruction_ablation_confusion": lambda: confusions(panels),
     }
-    metrics = {f"{classes}_{method.replace(' ', '_')}": float(found.mean()) for (classes, method), found in hits.items()}
-    return Result("reconstruction_ablation", rows, figures, metrics, keys)
+    return Result(TABLE.name, rows, figures, values(shown), keys(frame))
 
 
-def _add_paired(rows: RecognitionRows, hits: Mapping[tuple[str, str], NDArray], objects: NDArray, keys: list[str]) -> None:
-    """Add the share of objects of which more recordings are right after training on the first of two simulations than on the second, the
-    numbers of such recordings, and the share of random seeds for which labelled materials give the higher accuracy.
+def cells(config: Config, progress: Progress, panels: Panels, frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of one draw, and put the answers of the first draw on objects into `panels`."""
+    for classes, names in (("object", None), ("shape", SHAPE)):
+        answers, splits = {}, {method: transfer.ranked_split(drives, names) for method, drives in by_side(frame).items()}
+        for method, split in splits.items():
+            progress.say(f"{MOTION} drives in {ROOM}: {method}")
+            answers[method] = transfer.predict(config, split)
+        truth = splits[LABELLED].test.per_recording()
+        hits = {method: correct(some, truth.label) for method, some in answers.items()}
+        claims = {method: Claim("", paper) for method, paper in PAPER[classes].items()}
+        if names is None:
+            claims[LABELLED] = replace(claims[LABELLED], text="with the room in the simulation, object accuracy is above chance")
+            panels |= {method: panels.get(method, (truth.label, some[0])) for method, some in answers.items()}
+        pairs = {pair: Claim(text if names is None or pair[1] == VOID else "", untestable=FLOOR_ONLY) for pair, text in BEATS.items()}
+        scored = Scored(config, truth, frame, uniform_chance(truth) if names is None else majority_share(truth))
+        yield from scored.compared({"classes": classes}, hits, pairs, claims, answers=None if names is None else answers)
+        if names is None:
+            yield from _paired(frame, hits, truth.object)
+
+
+def _paired(frame: Frame, hits: Mapping[str, NDArray], objects: NDArray) -> Iterator[Cell]:
+    """Declare the share of objects of which more recordings are right after training on the first of two simulations than on the second,
+    the numbers of such recordings, and the share of random seeds for which labelled materials give the higher accuracy.
     """
     for better, worse, paper in ((LABELLED, UNIFORM, "23 against 6, p 0.001"), (LABELLED, VOID, "")):
-        one, two = (hits["object", method].mean(axis=0) > 0.5 for method in (better, worse))
-        first, second = int(np.sum(one & ~two)), int(np.sum(two & ~one))
-        columns = {"first_only": first, "second_only": second, **statistics_columns(one.size, 0.5)}
+        one, two = (hits[method].mean(axis=0) > 0.5 for method in (better, worse))
+        columns = {"first_only": int(np.sum(one & ~two)), "second_only": int(np.sum(two & ~one)), **statistics_columns(one.size, 0.5)}
         case = {"classes": "object", "method": f"{better} or {worse}", **columns}
         _, item = np.unique(objects, return_inverse=True)
         leads = np.sign(np.bincount(item, one.astype(float) - two))
         found = sign_test(int(np.sum(leads > 0)), int(np.sum(leads < 0)))
         claim = Claim(f"more recordings are right with {better} alone", paper, bound=0.5, untestable=FLOOR_ONLY)
-        rows.add(case, "share of the unequal objects", found, keys, claim, one.size)
-    leads = hits["object", LABELLED].mean(axis=1) > hits["object", UNIFORM].mean(axis=1)
+        yield Cell(case, "share of the unequal objects", frame, found, claim, one.size)
+    leads = hits[LABELLED].mean(axis=1) > hits[UNIFORM].mean(axis=1)
     case = {"classes": "object", "method": f"{LABELLED} - {UNIFORM}", **statistics_columns(len(leads), 0.5)}
-    rows.add(case, "share of seeds in which it leads", share(float(np.sum(leads)), len(leads)), keys, Claim(paper="1.0"), len(leads))
+    yield Cell(case, "share of seeds in which it leads", frame, share(float(np.sum(leads)), len(leads)), Claim(paper="1.0"), len(leads))

@@ -8,28 +8,28 @@ materials is judged by balanced accuracy. As a control, a random forest is train
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments import draws
 from experiments.campaign.cases import REFLECTOR
-from experiments.campaign.frame import shared
+from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
-from experiments.campaign.source import RecordingSource
-from experiments.claims import Claim
+from experiments.cells import Cell, keys, table_rows
+from experiments.claims import NONE, Claim, Row
+from experiments.draws import Query
 from experiments.recognition import transfer
-from experiments.recognition.figures import bars, confusions
-from experiments.recognition.protocol import MATERIAL, NO_SESSIONS, SHAPE, RecognitionRows, at_chance, correct
+from experiments.recognition.figures import Panels, bars, confusions, grouped
+from experiments.recognition.protocol import MATERIAL, NO_SESSIONS, SHAPE, Scored, at_chance, correct, seeds
 from radartwin.config.config import Config
-from radartwin.errors import InputError
 from radartwin.io.progress import Progress
+from radartwin.recognize.probes import forest
 from radartwin.recognize.samples import join
 from radartwin.recognize.score import majority_share, uniform_chance
-from radartwin.recognize.split import Split, draw_shots, label_free, most_shots, shuffled
+from radartwin.recognize.split import LEVELS, Split, draw_shots, label_free, most_shots, shuffled
 from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store
 
@@ -56,162 +56,115 @@ PAPER = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Drives:
-    """Drives of one room and motion: frames of both domains, and the objects (recordings,) predicted from raw range-time signatures."""
-
-    room: str
-    motion: str
-    frames: transfer.Frames
-    raw: NDArray
-
-    @property
-    def in_paper(self) -> bool:
-        return self.room == PAPER_ROOM
-
-    def case(self, level: str, classes: str, method: str) -> dict[str, Any]:
-        return {"supervision": level, "room": self.room, "motion": self.motion, "classes": classes, "method": method}
-
-
-@dataclass
-class Shown:
-    """Content of the figures: `bars` by group and method, and `panels` with (truth, prediction) of each confusion matrix."""
-
-    bars: dict[str, dict[str, Mapping[str, Any]]] = field(default_factory=dict)
-    panels: dict[str, tuple[NDArray, NDArray]] = field(default_factory=dict)
+def query(config: Config) -> Query:
+    return Query(config, MOTIONS, several=True, exact=True)
 
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
-    own = [config, *draws.exact_objects(config)]
-    return draws.recordings(own, lambda campaign: shared(campaign, MOTIONS), store, progress, rover=True)
+    return query(config).recordings(store, progress)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    def scored(own: Config) -> Result:
-        mode = config.supervision.mode if own is config else "label_free"  # the other levels are shown only for the configured testbed
-        return draws.scored(own, store, progress, lambda campaign: score(own, campaign, progress, mode), rover=True)
-
-    return draws.beside_exact_objects(config, scored, lambda row: row["classes"] == "object")
+    return score(config, query(config).frame(store, progress), progress)
 
 
-def score(config: Config, source: RecordingSource, progress: Progress, mode: str) -> Result:
-    """Build the rows of the supervision levels up to `mode`. Raises InputError if the campaign has no measured drives."""
-    rows, shown, used = RecognitionRows(config), Shown(), set()
-    recorded = {case.room for case in source.cases("measured") if case.motion in MOTIONS}
-    if not recorded:
-        raise InputError("the campaign has no measured drives; add objects to profile.campaign.rover_objects or record drives")
-    for room in (room for room in ROOMS if room in recorded):
+def score(config: Config, frame: Frame, progress: Progress) -> Result:
+    """Build the table of the supervision levels up to the configured one. The testbed whose objects equal the catalogue has the rows of
+    objects without labels.
+    """
+    panels: Panels = {}
+
+    def exact(row: Row) -> bool:
+        return (row["supervision"], row["classes"]) == ("label_free", "object")
+
+    rows = table_rows(config, frame, partial(cells, config, progress, panels), exact)
+    in_paper = [row for row in rows if row["room"] == PAPER_ROOM and row["method"] in (RAW, TRAINED)]
+    shown = grouped(in_paper, lambda row: f"{row['motion']}\n{row['classes']}")
+    figures = {
+        "rover_recognition": lambda: bars(shown, "accuracy", "squash court", grey=RAW),
+        "rover_confusion": lambda: confusions(panels),
+    }
+    metrics = {f"{r['room']}_{r['motion']}_object": r["value"] for r in rows if exact(r) and r["method"] == TRAINED and not r.get("truth")}
+    return Result(TABLE.name, rows, figures, metrics, keys(frame))
+
+
+def cells(config: Config, progress: Progress, panels: Panels, frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of one draw. Put the answers of the first draw on objects in the paper's room into `panels`."""
+    levels = LEVELS[: LEVELS.index(config.supervision.mode) + 1] if (frame.truth == "").all() else LEVELS[:1]
+    for room in (room for room in ROOMS if room in set(frame.room)):
         for motion in MOTIONS:
             progress.say(f"{motion} drives in {room}")
-            frames = transfer.read(source, room, motion)
-            used |= set(frames.keys)
-            drives = Drives(room, motion, frames, transfer.predict_from_signatures(source, room, motion))
-            _add_label_free(rows, shown, drives)
-            if mode != "label_free":
-                _add_materials(rows, shown, drives, source)
-            if mode == "few_shot" and motion == "lateral":
-                _add_few_shot(rows, drives)
-    classes = sorted({label for truth, _ in shown.panels.values() for label in truth})
-    figures = {
-        "rover_recognition": lambda: bars(shown.bars, "accuracy", "squash court", grey=RAW),
-        "rover_confusion": lambda: confusions(shown.panels, classes),
-    }
-    metrics = {
-        f"{r['room']}_{r['motion']}_object": r["value"]
-        for r in rows
-        if r["method"] == TRAINED and r["classes"] == "object" and r["supervision"] == "label_free"
-    }
-    return Result("rover_recognition", rows, figures, metrics, sorted(used))
+            drives = frame[(frame.room == room) & (frame.motion == motion)]
+            case, raw = {"room": room, "motion": motion}, transfer.predict_from_signatures(drives)
+            yield from _label_free(config, panels, drives, raw, case)
+            if "calibrated" in levels:
+                yield from _materials(config, drives, raw, case)
+            if "few_shot" in levels and motion == "lateral":
+                yield from _few_shot(config, drives, case)
 
 
-def _add_label_free(rows: RecognitionRows, shown: Shown, drives: Drives) -> None:
-    """Add the rows of supervision level (i), without class labels of measured recordings: object accuracy, shape accuracy in sideways
-    ("lateral") drives, and the control.
+def _label_free(config: Config, panels: Panels, drives: Frame, raw: NDArray, place: Mapping[str, str]) -> Iterator[Cell]:
+    """Declare the cells of supervision level (i), without class labels of measured recordings: object accuracy, shape accuracy in sideways
+    ("lateral") drives, and the control, a random forest that is trained on permuted class labels.
     """
-    frames, motion, in_paper = drives.frames, drives.motion, drives.in_paper
-    recordings = frames.measured.per_recording()
+    motion, in_paper = place["motion"], place["room"] == PAPER_ROOM
     for classes, names in (("object", None), ("shape", SHAPE)) if motion == "lateral" else (("object", None),):
-        split = transfer.ranked_split(frames, names)
-        truth = recordings if names is None else recordings.relabelled(names)
-        raw = drives.raw if names is None else np.array([names[label] for label in drives.raw])
+        case = {"supervision": "label_free", **place, "classes": classes}
+        split = transfer.ranked_split(drives, names)
+        truth = split.test.per_recording()
+        answers = {TRAINED: transfer.predict(config, split), RAW: [raw if names is None else np.array([names[label] for label in raw])]}
+        hits = {method: correct(some, truth.label) for method, some in answers.items()}
         chance = uniform_chance(truth) if names is None else majority_share(truth)
-        predictions = transfer.predict(rows.config, split)
-        hits, raw_hits = correct(predictions, truth.label), correct([raw], truth.label)
         ours, theirs = PAPER.get((motion, classes), ("", "")) if in_paper else ("", "")
         text = ""
         if motion == "lateral" and (in_paper or names is None):
             text = "label-free transfer is above chance" if in_paper else "label-free transfer stays at chance"
         # In the paper, recognition does not transfer in the other room.
-        claim = Claim(text, ours) if in_paper else at_chance(text, ours, chance)
-        case, answers = drives.case("label_free", classes, TRAINED), None if names is None else predictions
-        row = rows.share(case, hits, truth, frames.keys, chance, claim, answers=answers)
-        claim = at_chance("matching raw signatures fails" if in_paper and names is None else "", theirs, chance)
-        case, answers = drives.case("label_free", classes, RAW), None if names is None else [raw]
-        other = rows.share(case, raw_hits, truth, frames.keys, chance, replace(claim, untestable=NO_SESSIONS), answers=answers)
-        claim = Claim("training on the twin beats matching its raw signatures")
-        rows.gain(drives.case("label_free", classes, f"{TRAINED} - {RAW}"), hits, raw_hits, truth, frames.keys, claim)
-        if in_paper:
-            shown.bars[f"{motion}\n{classes}"] = {RAW: other, TRAINED: row}
+        claims = {TRAINED: Claim(text, ours) if in_paper else at_chance(text, ours, chance)}
+        fails = at_chance("matching raw signatures fails" if in_paper and names is None else "", theirs, chance)
+        claims[RAW] = replace(fails, untestable=NO_SESSIONS)
+        scored, gain = Scored(config, truth, drives, chance), Claim("training on the twin beats matching its raw signatures")
+        yield from scored.compared(case, hits, {(TRAINED, RAW): gain}, claims, answers=None if names is None else answers)
         if names is None:
             if in_paper:
-                shown.panels[f"{motion} drive"] = (truth.label, predictions[0])
-            _add_control(rows, drives, split, chance)
+                panels.setdefault(f"{motion} drive", (truth.label, answers[TRAINED][0]))
+            permuted = transfer.predict(config, split, lambda one, seed: label_free(shuffled(one.train, seed), one.test))
+            yield scored.control({**case, "method": "simulated labels shuffled"}, correct(permuted, truth.label).mean(axis=1))
 
 
-def _add_control(rows: RecognitionRows, drives: Drives, split: Split, chance: float) -> None:
-    """Add the control: the same random forests, trained on simulated recordings with permuted class labels."""
-    truth = drives.frames.measured.per_recording()
-    predictions = transfer.predict(rows.config, split, lambda one, seed: label_free(shuffled(one.train, seed), one.test))
-    shares = correct(predictions, truth.label).mean(axis=1)
-    rows.control(drives.case("label_free", "object", "simulated labels shuffled"), shares, truth, drives.frames.keys, chance)
-
-
-def _add_materials(rows: RecognitionRows, shown: Shown, drives: Drives, source: RecordingSource) -> None:
-    """Add the rows of supervision level (ii): accuracy of material classes with and without calibration by one reflector recording,
+def _materials(config: Config, drives: Frame, raw: NDArray, place: Mapping[str, str]) -> Iterator[Cell]:
+    """Declare the cells of supervision level (ii): accuracy of material classes with and without calibration by one reflector recording,
     which is not scored.
     """
-    frames, motion, in_paper = drives.frames, drives.motion, drives.in_paper
-    ours, theirs = PAPER[motion, "material"] if in_paper else ("", "")
-    recordings = frames.measured.per_recording()
-    scored = recordings.label != REFLECTOR
-    truth = recordings.take(scored).relabelled(MATERIAL)
-
-    def predict(mapped: bool) -> list[NDArray]:
-        split = transfer.calibrated_split(source, frames, drives.room, motion, MATERIAL, mapped)
-        return transfer.predict(rows.config, split)
-
+    ours, theirs = PAPER[place["motion"], "material"] if place["room"] == PAPER_ROOM else ("", "")
+    plain, mapped = (transfer.calibrated_split(drives, MATERIAL, mapped) for mapped in (False, True))
+    truth = plain.test.per_recording()
+    of_raw = np.array([MATERIAL[name] for name in raw[transfer.of_domains(drives)[1].per_recording().label != REFLECTOR]])
     methods = {
-        RAW: ([np.array([MATERIAL[label] for label in drives.raw[scored]])], theirs),
-        "without calibration": (predict(mapped=False), ""),
-        TRAINED: (predict(mapped=True), ours),
+        RAW: ([of_raw], theirs),
+        "without calibration": (transfer.predict(config, plain), ""),
+        TRAINED: (transfer.predict(config, mapped), ours),
     }
-    for method, (predictions, paper) in methods.items():
-        hits = correct(predictions, truth.label)
-        case = drives.case("calibrated", "material", method)
-        plain = rows.share(case, hits, truth, frames.keys, majority_share(truth), Claim(paper=paper), answers=predictions)
-        claim = Claim("one reflector recording lifts material above chance") if method == TRAINED else Claim()
-        rows.share(case, hits, truth, frames.keys, 1 / len(truth.classes), claim, balanced=True, answers=predictions)
-        if in_paper and method != "without calibration":
-            shown.bars.setdefault(f"{motion}\nmaterial", {})[method] = plain
+    for method, (answers, paper) in methods.items():
+        case, hits = {"supervision": "calibrated", **place, "classes": "material", "method": method}, correct(answers, truth.label)
+        yield Scored(config, truth, drives, majority_share(truth)).accuracy(case, hits, Claim(paper=paper), answers=answers)
+        claim = Claim("one reflector recording lifts material above chance") if method == TRAINED else NONE
+        yield Scored(config, truth, drives, 1 / len(truth.classes)).accuracy(case, hits, claim, balanced=True, answers=answers)
 
 
-def _add_few_shot(rows: RecognitionRows, drives: Drives) -> None:
-    """Add the rows of supervision level (iii) on the rover: train on simulated frames and a few labelled measured recordings, if
+def _few_shot(config: Config, drives: Frame, place: Mapping[str, str]) -> Iterator[Cell]:
+    """Declare the cell of supervision level (iii) on the rover: train on simulated frames and a few labelled measured recordings, if
     there are enough recordings.
     """
-    supervision, frames = rows.config.supervision, drives.frames
-    simulated, measured = transfer.ranked(frames.simulated), transfer.ranked(frames.measured)
-    recordings = frames.measured.per_recording()
-    shots = supervision.shots
+    supervision, (simulated, measured) = config.supervision, map(transfer.ranked, transfer.of_domains(drives))
+    recordings, shots = measured.per_recording(), config.supervision.shots
     if most_shots(recordings) < shots:
         return
     hits = np.full((supervision.seeds, len(recordings)), np.nan)
-    for number in range(supervision.seeds):
-        known, rest = draw_shots(measured, shots, rows.config.seed + number)
-        split = Split("few_shot", join(simulated, known), rest, shots)
-        predictions = transfer.forest(split, rows.config.seed + number, supervision.trees)
+    for number, seed in enumerate(seeds(config)):
+        known, rest = draw_shots(measured, shots, seed)
         truth = rest.per_recording()
-        hits[number, np.isin(recordings.recording, truth.recording)] = predictions == truth.label
-    scored = ~np.isnan(hits).all(axis=0)
-    case = drives.case("few_shot", "object", f"trained on simulation and {shots} recordings per class")
-    rows.share(case, hits[:, scored], recordings.take(scored), frames.keys, uniform_chance(recordings))
+        found = forest(Split("few_shot", join(simulated, known), rest, shots), seed, supervision.trees)
+        hits[number, np.isin(recordings.recording, truth.recording)] = found == truth.label
+    case = {"supervision": "few_shot", **place, "classes": "object", "method": f"trained on simulation and {shots} recordings per class"}
+    yield Scored(config, recordings, drives, uniform_chance(recordings)).accuracy(case, hits)

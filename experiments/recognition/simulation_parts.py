@@ -11,20 +11,24 @@ simulation at a time:
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 
-from experiments import draws
-from experiments.campaign.campaign import Call, Campaign
+from experiments.campaign.campaign import Call
+from experiments.campaign.cases import TWIN
+from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
-from experiments.campaign.source import RecordingSource
+from experiments.cells import Cell, keys, table_rows
+from experiments.draws import Part, Query
 from experiments.recognition import copies
-from experiments.recognition.figures import bars
-from experiments.recognition.labelled_probe import RIVAL, rf_genesis, simulated
-from experiments.recognition.protocol import TEXT, compared_trainings
-from experiments.recognition.readings import FEATURES, MOTION, Readings, paired, shared_cases, vectors
+from experiments.recognition.copies import Copied
+from experiments.recognition.figures import bars, grouped, values
+from experiments.recognition.labelled_probe import RIVAL, rf_genesis
+from experiments.recognition.protocol import TEXT, compared_trainings, read
+from experiments.recognition.readings import MOTION, by_side, revolutions, without
 from radartwin.config.config import Config
 from radartwin.config.materials import VoidMaterials
+from radartwin.features.sets import BRIGHTNESS
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store
@@ -43,56 +47,44 @@ HELPS = {
     PLANE: "the near field helps", NO_LEVEL: "the level helps", NO_ROOM: "the room helps",
     RIVAL: "training on our simulation is more accurate than on RF-Genesis",
 }  # fmt: skip
-WITHOUT = {NO_LEVEL: ("brightness",)}  # feature families that are left out with this simulation
 
 
-def configured(config: Config) -> dict[str, Config]:
-    """Return the configuration of each simulation."""
-    return {
-        EVERYTHING: config,
+def query(config: Config) -> Query:
+    """Return the recordings of the table, with each simulation as a side. NO_LEVEL reads the recordings of EVERYTHING."""
+    others = {
         PLANE: replace(config, simulator=replace(config.simulator, elements="planar")),
-        NO_LEVEL: config,
         NO_ROOM: replace(config, materials=VoidMaterials()),
         RIVAL: rf_genesis(config),
     }
+    return Query(config, (MOTION,), several=True, side=EVERYTHING, more=[Part(TWIN, own, {"side": name}) for name, own in others.items()])
 
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
-    both = draws.recordings([config], lambda campaign: paired(campaign, MOTION), store, progress)
-    return both | draws.recordings(configured(config).values(), simulated, store, progress)
+    return query(config).recordings(store, progress)
 
 
 def calls(config: Config) -> list[Call]:
-    """Return the simulations of the random targets (experiments/together.py)."""
-    return [call for name, own in configured(config).items() if name not in (NO_LEVEL, NO_ROOM) for call in copies.calls(own)]
+    """Return the simulations of the random targets (experiments/together.py). Those of NO_ROOM are those of EVERYTHING."""
+    parts = [part for part in query(config).parts if part.domain == TWIN and part.versions["side"] != NO_ROOM]
+    return [call for part in parts for call in copies.calls(part.config)]
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    def scored(campaign: Campaign) -> Result:
-        twins = {name: Campaign(own, store, progress) for name, own in configured(config).items()}
-        return score(config, campaign, twins, store, progress)
-
-    return draws.scored(config, store, progress, scored)
+    return score(config, *read(query(config), store, progress))
 
 
-def score(config: Config, source: RecordingSource, twins: Mapping[str, RecordingSource], store: Store, progress: Progress) -> Result:
-    """Build the rows of each simulation and probe.
+def score(config: Config, frame: Frame, copied: Copied) -> Result:
+    """Build the table of each simulation and probe."""
 
-    Args:
-        source: source of the measured recordings.
-        twins: source of the simulated recordings of each simulation.
-    """
-    cases, simulated = shared_cases(source, MOTION)
+    def cells(one: Frame) -> Iterator[Cell]:
+        measured, sides = revolutions(one), by_side(one)
+        rows = {name: (name, measured, copied(config, sides[name])) for name in sides}
+        rows[NO_LEVEL] = (NO_LEVEL, without(measured, BRIGHTNESS), without(rows[EVERYTHING][2], BRIGHTNESS))
+        of = one.assign(side="")  # each row names the recordings of all simulations
+        return compared_trainings(config, of, "simulation", [rows[name] for name in (EVERYTHING, *HELPS)], HELPS)
 
-    def trained() -> Iterator[tuple[str, Readings, Readings]]:
-        for name, twin in progress.over(list(twins.items()), "simulations"):
-            without = WITHOUT.get(name, ())
-            drawn = copies.rows_of_copies(config, store, twin, simulated, cases, without, measured_source=source)
-            yield name, vectors(source, "measured", cases, FEATURES, without), drawn["features"]
-
-    rows, shown, keys = compared_trainings(config, "simulation", trained(), HELPS)
+    rows = table_rows(config, frame, cells)
+    shown = grouped(rows, "probe", "simulation")
     # encoder_comparison and labelled_probe have the rows of the whole simulation, and labelled_probe those of the rival with labels
-    rows[:] = [row for row in rows if row["simulation"] != EVERYTHING and (row["probe"] == TEXT or RIVAL not in row["simulation"])]
-    metrics = {f"accuracy_{probe}_{name}".replace(" ", "_").replace("(", "").replace(")", ""): float(row["value"])
-               for probe, of in shown.items() for name, row in of.items()}  # fmt: skip
-    return Result(TABLE.name, rows, {TABLE.name: lambda: bars(shown, "accuracy", grey=RIVAL)}, metrics, keys)
+    kept = [row for row in rows if row["simulation"] != EVERYTHING and (row["probe"] == TEXT or RIVAL not in row["simulation"])]
+    return Result(TABLE.name, kept, {TABLE.name: lambda: bars(shown, "accuracy", grey=RIVAL)}, values(shown), keys(frame))

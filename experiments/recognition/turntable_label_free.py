@@ -8,26 +8,30 @@ paper, the object itself is not recognised.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
-from experiments import draws
+from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
-from experiments.campaign.source import RecordingSource
-from experiments.claims import Claim
-from experiments.recognition.copies import measured_and_copies
-from experiments.recognition.figures import bars, confusions
+from experiments.cells import Cell, keys, table_rows
+from experiments.claims import NONE, Claim
+from experiments.draws import Query
+from experiments.recognition.copies import Copied
+from experiments.recognition.figures import Panels, bars, confusions, grouped, values
 from experiments.recognition.protocol import (
     GEOMETRY,
     MATERIAL,
     SAME_MODELS,
-    RecognitionRows,
+    Scored,
     anchors,
     at_chance,
     correct,
     encoders,
+    read,
     settings,
 )  # fmt: skip
-from experiments.recognition.readings import MOTION, paired
+from experiments.recognition.readings import MOTION, revolutions
 from experiments.recognition.transfer import ranked
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
@@ -51,45 +55,47 @@ ENCODER, RANKS = "encoder on ranks", "ranks alone"
 PAPER = {"geometry": "0.72", "material": "0.72"}
 
 
+def query(config: Config) -> Query:
+    return Query(config, (MOTION,), several=True, unknown=True, exact=True)
+
+
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
-    own = [config, *draws.unknown_contents(config), *draws.exact_objects(config)]
-    return draws.recordings(own, lambda campaign: paired(campaign, MOTION), store, progress)
+    return query(config).recordings(store, progress)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    def scored(own: Config) -> Result:
-        return draws.scored(own, store, progress, lambda campaign: score(own, campaign, store, progress))
-
-    return draws.beside_exact_objects(config, lambda own: draws.beside_unknown(own, scored) if own is config else scored(own))
+    return score(config, *read(query(config), store, progress))
 
 
-def score(config: Config, source: RecordingSource, store: Store, progress: Progress) -> Result:
-    """Build the table rows for each attribute (geometry, material) and method, and for the object itself."""
-    measured, copies = measured_and_copies(config, source, store, progress)
-    keys = tuple(sorted((*measured.keys, *copies.keys)))
-    split = label_free(ranked(copies.samples), ranked(measured.samples))
+def score(config: Config, frame: Frame, copied: Copied) -> Result:
+    """Build the table for each attribute (geometry, material) and method, and for the object itself."""
+    panels: Panels = {}
+    rows = table_rows(config, frame, partial(cells, config, copied, panels))
+    shown = grouped(rows, "attribute")
+    figures = {
+        "turntable_label_free": lambda: bars(shown, "accuracy", grey=RANKS),
+        "turntable_label_free_confusion": lambda: confusions(panels),
+    }
+    return Result(TABLE.name, rows, figures, values(shown), keys(frame))
+
+
+def cells(config: Config, copied: Copied, panels: Panels, frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of one draw, and put the answers of the first draw on the object itself into `panels`."""
+    split = label_free(ranked(copied(config, frame)), ranked(revolutions(frame)))
     trained = encoders(config, split)
-    rows = RecognitionRows(config)
-    shown: dict[str, dict[str, dict]] = {}
     for attribute, classes in (("geometry", GEOMETRY), ("material", MATERIAL)):
         embedded = [[encoder.embedded(one.relabelled(classes)) for one in (split.train, split.test)] for encoder in trained]
         plain = label_free(split.train.relabelled(classes), split.test.relabelled(classes))
-        truth = plain.test
+        scored = Scored(config, plain.test, frame, majority_share(plain.test))
         claim = Claim(f"{attribute} transfers: above the majority", PAPER[attribute])
-        for method, splits, claimed in ((RANKS, [plain], Claim()), (ENCODER, [label_free(*pair) for pair in embedded], claim)):
+        for method, splits, claimed in ((RANKS, [plain], NONE), (ENCODER, [label_free(*pair) for pair in embedded], claim)):
             answers = [transferred_probe(one) for one in splits]
-            hits = correct(answers, truth.label)
             case = {"supervision": "label_free", "attribute": attribute, "method": method}
-            shown.setdefault(attribute, {})[method] = rows.share(case, hits, truth, keys, majority_share(truth), claimed, answers=answers)
+            yield scored.accuracy(case, correct(answers, plain.test.label), claimed, answers=answers)
     texts, temperature = anchors(split.test.classes), settings(config).temperature
     names = [nearest_text(encoder, split.unlabelled, texts, temperature) for encoder in trained]
+    panels.setdefault("nearest description", (split.test.label, names[0]))
     chance = uniform_chance(split.test)
     case = {"supervision": "label_free", "attribute": "identity", "method": ENCODER}
     claim = replace(at_chance("identity stays at chance", "does not transfer", chance), untestable=SAME_MODELS)
-    shown["identity"] = {ENCODER: rows.share(case, correct(names, split.test.label), split.test, keys, chance, claim)}
-    figures = {
-        "turntable_label_free": lambda: bars(shown, "accuracy", grey=RANKS),
-        "turntable_label_free_confusion": lambda: confusions({"nearest description": (split.test.label, names[0])}, split.test.classes),
-    }
-    metrics = {f"accuracy_{name}": group[ENCODER]["value"] for name, group in shown.items()}
-    return Result("turntable_label_free", rows, figures, metrics, sorted(keys))
+    yield Scored(config, split.test, frame, chance).accuracy(case, correct(names, split.test.label), claim)

@@ -15,18 +15,20 @@ In the balanced batch, all classes are equally frequent. In the skewed batch, a 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments import draws
-from experiments.campaign.source import RecordingSource
+from experiments.campaign.frame import Frame
+from experiments.cells import Cell, keys, table_rows
 from experiments.claims import Claim
-from experiments.recognition.encoder_comparison import gather_rows
-from experiments.recognition.figures import bars
-from experiments.recognition.protocol import RecognitionRows, anchors, scaled, seeds, settings
+from experiments.draws import Query
+from experiments.recognition.copies import Copied
+from experiments.recognition.figures import bars, grouped, values
+from experiments.recognition.protocol import Scored, anchors, read, scaled, seeds, settings
+from experiments.recognition.readings import MOTION, revolutions
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.recognize.adaptation import skewed, weighted_statistics
@@ -57,26 +59,39 @@ METHODS = (NONE, STATISTICS, WEIGHTED, *ALIGNMENTS)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return draws.scored(config, store, progress, lambda campaign: score(config, campaign, store, progress))
+    return score(config, *read(Query(config, (MOTION,), several=True), store, progress))
 
 
-def score(config: Config, source: RecordingSource, store: Store, progress: Progress) -> Result:
-    """Build the rows of each batch and method. Without a second recording of an object, there is no skewed batch."""
-    measured, copies, keys = gather_rows(config, source, store, progress)
-    whole, simulated = measured["features"], scaled(copies["features"])
+def score(config: Config, frame: Frame, copied: Copied) -> Result:
+    """Build the table of each batch and method."""
+    rows = table_rows(config, frame, partial(cells, config, copied))
+    shown = grouped(rows, "batch")
+    return Result(TABLE.name, rows, {TABLE.name: lambda: bars(shown, "accuracy", grey=NONE)}, values(shown), keys(frame))
+
+
+def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of one draw. Without a second recording of an object, there is no skewed batch."""
+    whole, copies = revolutions(frame), copied(config, frame)
+    simulated = scaled(copies)
     place = {name: row for row, name in enumerate(whole.recording)}
     texts, chosen = anchors(whole.classes), settings(config)
     batches = ("balanced", "skewed") if len(skewed(whole, config.seed)) < len(whole) else ("balanced",)
-    hits = {(batch, method): np.full((len(seeds(config)), len(whole)), np.nan) for batch in batches for method in METHODS}
-    for number, seed in enumerate(progress.over(seeds(config), "seeds")):
+    # the skewed batch differs between seeds, so that a row is missing in the batches of some seeds
+    hits = {batch: {method: np.full((len(seeds(config)), len(whole)), np.nan) for method in METHODS} for batch in batches}
+    for number, seed in enumerate(seeds(config)):
         encoder = fit(label_free(simulated, whole), texts, chosen, seed).encoder
         for batch in batches:
             rows = whole if batch == "balanced" else skewed(whole, seed)
             at = [place[name] for name in rows.recording]
             for method in METHODS:
-                named = _predict(method, encoder, simulated, copies["features"], rows, texts, config, seed)
-                hits[batch, method][number, at] = named == rows.label
-    return _result(config, hits, whole, keys)
+                named = _predict(method, encoder, simulated, copies, rows, texts, config, seed)
+                hits[batch][method][number, at] = named == rows.label
+    scored = Scored(config, whole, frame, uniform_chance(whole))
+    for batch, found in hits.items():
+        pairs = {(method, STATISTICS): Claim() for method in METHODS if method != STATISTICS}
+        if batch == "skewed":
+            pairs[WEIGHTED, STATISTICS] = Claim("unequal class shares are corrected")
+        yield from scored.compared({"supervision": "label_free", "batch": batch}, found, pairs)
 
 
 def _predict(
@@ -105,21 +120,3 @@ def _predict(
     if method in ALIGNMENTS:
         encoder = align(encoder, label_free(simulated, adapted), texts, chosen, seed, ALIGNMENTS[method])
     return nearest_text(encoder, adapted.unlabelled(), texts, chosen.temperature)
-
-
-def _result(config: Config, hits: dict[tuple[str, str], NDArray], whole: Samples, keys: Sequence[str]) -> Result:
-    rows, chance = RecognitionRows(config), uniform_chance(whole)
-    shown: dict[str, dict[str, Any]] = {}
-    for (batch, method), found in hits.items():
-        scored = ~np.isnan(found).all(axis=0)
-        case = {"supervision": "label_free", "batch": batch, "method": method}
-        shown.setdefault(batch, {})[method] = rows.share(case, found[:, scored], whole.take(scored), keys, chance)
-        if method != STATISTICS:
-            claim = Claim("unequal class shares are corrected") if (batch, method) == ("skewed", WEIGHTED) else Claim()
-            # The skewed batch differs between seeds, so that a row is missing in the batches of some seeds.
-            ours, theirs = (np.nanmean(one[:, scored], axis=0, keepdims=True) for one in (found, hits[batch, STATISTICS]))
-            rows.gain(case | {"method": f"{method} - {STATISTICS}"}, ours, theirs, whole.take(scored), keys, claim)
-    metrics = {
-        f"accuracy_{batch}_{method.replace(' ', '_')}": float(row["value"]) for batch, of in shown.items() for method, row in of.items()
-    }
-    return Result(TABLE.name, rows, {TABLE.name: lambda: bars(shown, "accuracy", grey=NONE)}, metrics, list(keys))

@@ -16,11 +16,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments import draws
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, ROVER, TWIN
 from experiments.campaign.frame import Column, Frame
 from experiments.cells import Cell, first_draw, keys, mean, paired, table_rows
 from experiments.claims import NONE, Claim
+from experiments.draws import Query
 from experiments.rover.rover_fidelity import WHERE
 from experiments.statistics import POSITIVE, SHARE, SIGNED
 from radartwin.config.config import Config
@@ -63,7 +63,7 @@ Clouds = Sequence[NDArray[np.float64]]  # the detections of each frame: (N, 2) r
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, draws.frame(config, store, progress, MOTIONS))
+    return score(config, Query(config, MOTIONS).frame(store, progress))
 
 
 def score(config: Config, frame: Frame) -> Result:

@@ -20,11 +20,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments import draws, statistics
+from experiments import statistics
 from experiments.campaign.cases import COMPARED, ROVER
 from experiments.campaign.frame import Frame, features
 from experiments.cells import Cell, first_draw, keys, table_rows, using
 from experiments.claims import NONE, Claim
+from experiments.draws import Query
 from experiments.rover.figures import slices_figure
 from experiments.statistics import Estimate
 from radartwin.config.config import Config
@@ -54,7 +55,7 @@ Limits = tuple[float, float]
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, draws.frame(config, store, progress, MOTIONS))
+    return score(config, Query(config, MOTIONS).frame(store, progress))
 
 
 def score(config: Config, frame: Frame) -> Result:

@@ -18,11 +18,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments import draws, statistics
+from experiments import statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, ROVER
 from experiments.campaign.frame import Frame, features
 from experiments.cells import Cell, first_draw, keys, mean, paired, per, table_rows, using
 from experiments.claims import NONE, Claim
+from experiments.draws import Query
 from experiments.rover.figures import correlation_figure, panels_figure
 from experiments.statistics import Estimate
 from radartwin.config.config import Config
@@ -66,7 +67,7 @@ Series = tuple[NDArray, NDArray]
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, draws.frame(config, store, progress, MOTIONS))
+    return score(config, Query(config, MOTIONS).frame(store, progress))
 
 
 def score(config: Config, frame: Frame) -> Result:

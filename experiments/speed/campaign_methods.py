@@ -19,13 +19,14 @@ from typing import Any
 
 import numpy as np
 
+from experiments import cells
 from experiments.campaign import tally
 from experiments.campaign.campaign import Campaign, joined
-from experiments.campaign.cases import BENCH_ROOM
+from experiments.campaign.cases import BENCH_ROOM, TWIN
+from experiments.campaign.frame import shared, stored
 from experiments.campaign.schedule import RecordingTask
-from experiments.recognition import readings
 from experiments.recognition.protocol import GEOMETRY
-from experiments.recognition.readings import FEATURES, MOTION
+from experiments.recognition.readings import MOTION, revolutions
 from experiments.recognition.transfer import ranked
 from experiments.scans import virtual_scan
 from experiments.speed.methods import DEFAULT, OURS, POINTS, RFGENESIS
@@ -82,8 +83,7 @@ def recordings(config: Config, store: Store, progress: Progress, full: bool) -> 
     missing = []
     for method in twins(full):
         campaign = Campaign(_configured(config, method, full), store, progress, draw=0)
-        measured, simulated = readings.shared_cases(campaign, MOTION)
-        missing.append(campaign.missing([*(("twin", case) for case in simulated), *(("measured", case) for case in measured)]))
+        missing.append(campaign.missing(shared(campaign, (MOTION,), several=True)))
     return joined(missing)
 
 
@@ -95,16 +95,17 @@ def measure(config: Config, store: Store, progress: Progress, full: bool) -> lis
     rows = []
     for method in progress.over(twins(full), "methods on the campaign"):
         campaign = Campaign(_configured(config, method, full), store, progress, draw=0)
-        measured, simulated = readings.shared_cases(campaign, MOTION)
-        campaign.prepare([("twin", case) for case in simulated], fresh=True)
-        reference = readings.vectors(campaign, "measured", measured, FEATURES).samples
-        made = readings.vectors(campaign, "twin", simulated, FEATURES)
-        error, spread = feature_error(made.samples, reference)
-        missed = recognition_error(made.samples, reference)
+        wanted = shared(campaign, (MOTION,), several=True)
+        simulated = [case for domain, case in wanted if domain == TWIN]
+        campaign.prepare([(TWIN, case) for case in simulated], fresh=True)
+        frame = stored(campaign, wanted, progress)
+        reference, made = revolutions(frame), revolutions(frame, domain=TWIN)
+        error, spread = feature_error(made, reference)
+        missed = recognition_error(made, reference)
         rows.append({
             "problem": NAME, "family": method.family, "setting": method.setting, **_cost(campaign, simulated), "feature_error": error,
             "spread of feature_error": spread, "recognition_error": missed, "answers": len(reference), "exact": False,
-            "keys": list(made.keys),
+            "keys": cells.keys(frame[frame.domain == TWIN]),
         })  # fmt: skip
     return rows
 

@@ -17,7 +17,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments import draws
 from experiments.campaign.campaign import Campaign, joined, make_together
 from experiments.campaign.cases import Case
 from experiments.campaign.frame import Frame, stored
@@ -75,7 +74,7 @@ CORRELATED = {"void": UNCORRELATED, "room": ROOM}
 def run(config: Config, store: Store, progress: Progress) -> Result:
     """Compute the table for the configured campaign. Raises ConfigError if the configuration sets options that the table does not use."""
     make_together(recordings(config, store, progress), config.jobs, progress)
-    campaign, chosen = draws.whole_campaign(config, store, progress), operating_points.wanted(config)
+    campaign, chosen = Campaign(config, store, progress), operating_points.wanted(config)
     result = score(config, read(config, campaign, partial(stored, progress=progress)))
     points = {one: stored(Campaign(one.of(config), store, progress), chosen, progress) for one in operating_points.conditions(config)}
     return with_points(config, result, operating_points.read(config, points))

@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments import draws, statistics
+from experiments import statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, RAIL, TWIN
 from experiments.campaign.columns import TRACKERS
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell, first_draw, keys, mean, paired, table_rows
 from experiments.claims import BELOW, NONE, Claim, within
 from experiments.drawing import DOMAIN_STYLES, legend_above
+from experiments.draws import Query
 from radartwin.config.config import Config
 from radartwin.features import track
 from radartwin.features.align import overlap
@@ -55,7 +56,7 @@ SHORT = Claim(
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, draws.frame(config, store, progress, MOTIONS))
+    return score(config, Query(config, MOTIONS).frame(store, progress))
 
 
 def score(config: Config, frame: Frame) -> Result:

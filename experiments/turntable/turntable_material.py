@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiments import draws
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN
-from experiments.campaign.frame import Frame, shared
+from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
 from experiments.cells import Cell, difference, first_draw, gap, keys, mean, per, table_rows
 from experiments.claims import BELOW, NONE, Claim
 from experiments.drawing import DOMAIN_STYLES, legend_above, panels_width_in
+from experiments.draws import Query
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features.sets import BRIGHTNESS
@@ -54,12 +54,11 @@ ALL = "all of similar size"
 
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
-    own = [config, *draws.unknown_contents(config)]
-    return draws.recordings(own, lambda campaign: shared(campaign, MOTIONS), store, progress)
+    return Query(config, MOTIONS, unknown=True).recordings(store, progress)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, draws.frame(config, store, progress, MOTIONS, unknown=True))
+    return score(config, Query(config, MOTIONS, unknown=True).frame(store, progress))
 
 
 def score(config: Config, frame: Frame) -> Result:

@@ -17,12 +17,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiments import draws, statistics
+from experiments import statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN
 from experiments.campaign.frame import Column, Frame
-from experiments.cells import Cell, first_draw, keys, mantel, mean, paired, per, rank_correlation, table_rows, using
+from experiments.cells import Cell, first_draw, joined_rows, keys, mantel, mean, paired, per, rank_correlation, table_rows, using
 from experiments.claims import BELOW, NONE, Claim
 from experiments.drawing import DOMAIN_STYLES, legend_above
+from experiments.draws import Query
 from experiments.statistics import Estimate
 from experiments.turntable.facet_ripple import ripple_rows
 from radartwin.config.config import Config
@@ -65,7 +66,7 @@ STABLE_M = (0.6, 2.1)  # the paper's distances; at smaller distances the wavefro
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, draws.frame(config, store, progress, MOTIONS))
+    return score(config, Query(config, MOTIONS).frame(store, progress))
 
 
 def score(config: Config, frame: Frame, ripple: bool = True) -> Result:
@@ -79,7 +80,7 @@ def score(config: Config, frame: Frame, ripple: bool = True) -> Result:
         )
     rows = table_rows(config, frame, cells)
     if ripple:
-        rows += draws.joined_rows([ripple_rows(config)])
+        rows += joined_rows([ripple_rows(config)])
     first = first_draw(frame)
     figures: dict[str, Callable[[], Figure]] = {
         "turntable_ssim": lambda: _ssim_figure(similarity(first)),

@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments import draws, statistics
+from experiments import statistics
 from experiments.campaign.cases import COMPARED, LABELS
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell, first_draw, keys, per, rank_correlation, table_rows, using
 from experiments.claims import EQUAL, NONE, Claim
 from experiments.drawing import DOMAIN_STYLES, legend_above, panels_width_in
+from experiments.draws import Query
 from experiments.statistics import Estimate
 from experiments.turntable.turntable_shape import is_can
 from radartwin.config.config import Config
@@ -47,7 +48,7 @@ NO_TREND = Claim("no consistent trend with the height of a can", "none", directi
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, draws.frame(config, store, progress, MOTIONS))
+    return score(config, Query(config, MOTIONS).frame(store, progress))
 
 
 def score(config: Config, frame: Frame) -> Result:

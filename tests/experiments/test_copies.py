@@ -9,8 +9,9 @@ import pytest
 
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import TWIN
+from experiments.campaign.frame import shared
 from experiments.recognition import copies
-from experiments.recognition.readings import MOTION, shared_cases
+from experiments.recognition.readings import MOTION
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
@@ -41,7 +42,7 @@ def test_drawn_targets_are_simulated_once(config: Config, campaign: Campaign) ->
     assert [case.object for _, _, case, _ in calls] == list(OBJECTS)
     for function, *arguments in calls:
         function(*arguments)
-    _, twins = shared_cases(campaign, MOTION)
+    twins = [case for domain, case in shared(campaign, [MOTION], several=True) if domain == TWIN]
     with products.counting() as counts:
         for number, case in enumerate(twins):
             assert len(copies._alone(config, campaign.store, campaign, case, [config.seed, number])) == 1 + VARIANTS

@@ -9,17 +9,15 @@ import numpy as np
 import pytest
 from fake_campaign import config
 
-from experiments import draws, statistics
+from experiments import cells, draws, statistics
 from experiments.campaign import truth
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import Case, planned
-from experiments.claims import Claim, Row, RowList
+from experiments.claims import Claim, RowList
 from experiments.statistics import Estimate
 from radartwin.cli import main
-from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
-from radartwin.runs.experiment import Result
 from radartwin.store.products import Store
 
 QUIET = Progress(quiet=True)
@@ -96,20 +94,18 @@ def test_a_single_recording_of_each_draw_counts_the_draws() -> None:
 
 
 def test_rows_of_draws_join_by_their_conditions() -> None:
-    results = []
+    own, found = config("turntable_shape"), []
     for number, (value, limit) in enumerate(((1.0, 0.2), (3.0, 0.4))):
-        rows = RowList(config("turntable_shape"))
+        rows = RowList(own)
         rows.add({"case": "a", "answers": 4, "chance": 0.25}, "level", statistics.mean([value, value + 0.1], 100, 0), [f"k{number}"],
                  Claim("above", bound=limit))  # fmt: skip
         if number == 0:
             rows.add({"case": "b"}, "level", statistics.exact(5.0, 3), ["k9"])
-        results.append(Result("t", rows, {}, {"level": value}, [f"k{number}"]))
-    first, second = draws.joined(results).rows
+        found.append(rows)
+    first, second = cells.joined_rows(found)
     assert (first["value"], first["draws"], first["n"], first["answers"], first["chance"]) == (pytest.approx(2.05), 2, 2, 8, 0.25)
-    assert isinstance(first, Row)
     assert first.claim.bound == pytest.approx(0.3)
     assert (second["value"], second["draws"], second["verdict"]) == (5.0, 1, "")
-    assert draws.joined(results).metrics == {"level": 2.0}
 
 
 @pytest.mark.parametrize("n", [2, 3, 4, 6, 12])
@@ -158,38 +154,18 @@ def test_a_wrong_draw_or_gap_is_one_line(given: str, told: str, capsys: pytest.C
     assert told in lines[0]
 
 
-def test_rows_of_unknown_contents_stand_beside_ours_without_a_claim() -> None:
-    def scored_of(own: Config) -> Result:
-        rows = RowList(own)
-        value = 2.0 if own.contents == "filled" else 1.0
-        rows.add({"of": "simulated"}, "level", statistics.mean([value, value + 0.1], 100, 0), ["a"], Claim("above", "3", bound=0.5))
-        rows.add({"of": "measured"}, "level", statistics.exact(4.0, 3), ["b"])
-        return draws.joined([Result("t", rows, {}, {}, [own.contents])])
+def test_further_parts_follow_the_profile_and_switch_off_the_gaps_of_the_target(tmp_path) -> None:
+    def parts(*given: str) -> list[draws.Part]:
+        return draws.Query(config("turntable_label_free", *given), ("turntable",), side="ours", unknown=True, exact=True).parts
 
-    assert len(draws.beside_unknown(config("turntable_material"), scored_of).rows) == 2
-    result = draws.beside_unknown(config("turntable_material", "profile.unknown_contents=true"), scored_of)
-    ours, measured, unknown = result.rows
-    assert (ours["verdict"], ours.get("twin"), measured["value"]) == ("supported", None, 4.0)
-    assert (unknown["verdict"], unknown["twin"], unknown["draws"], unknown["paper"]) == ("", draws.UNKNOWN, 1, "3")
-    assert unknown["value"] == pytest.approx(1.05)
-    assert result.keys == ["filled", "unknown"]
-
-
-def test_rows_of_exact_objects_switch_off_the_gaps_of_the_target() -> None:
-    """The value of the rows is the sum of all strengths, so that the rows show which gaps are off."""
-
-    def scored_of(own: Config) -> Result:
-        rows = RowList(own)
-        strength = sum(dataclasses.asdict(own.measured.gap).values())
-        for classes in ("object", "shape"):
-            rows.add({"classes": classes}, "strength", statistics.exact(strength, 3), ["a"], Claim("above", bound=0.5))
-        return draws.joined([Result("t", rows, {}, {}, [f"{strength:g}", f"draw {own.measured.draw}"])])
-
-    assert len(draws.beside_exact_objects(config("rover_recognition"), scored_of).rows) == 2
-    chosen = config("rover_recognition", "profile.exact_objects=true")
-    result = draws.beside_exact_objects(chosen, scored_of, lambda row: row["classes"] == "object")
-    assert [(row["classes"], row.get("truth"), row["value"]) for row in result.rows] == [
-        ("object", None, 13.0), ("shape", None, 13.0), ("object", draws.EXACT, 10.0),
-    ]  # fmt: skip
-    assert result.rows[-1]["verdict"] == ""
-    assert result.keys == ["10", "13", "draw 0", "draw None"]
+    usual = [("measured", {}), ("twin", {"side": "ours"})]
+    assert [(part.domain, part.versions) for part in parts()] == usual
+    *_, unknown = parts("profile.unknown_contents=true")
+    assert (unknown.domain, unknown.versions, unknown.config.contents) == ("twin", {"side": "ours", "twin": draws.UNKNOWN}, "unknown")
+    assert len(parts("profile.unknown_contents=true", "contents=unknown")) == 2
+    *_, exact = parts("profile.exact_objects=true")
+    assert (exact.domain, exact.versions, exact.config.measured.draw) == ("measured", {"truth": draws.EXACT}, 0)
+    off = {name for name, strength in dataclasses.asdict(exact.config.measured.gap).items() if strength == 0}
+    assert off == {*draws.OBJECT_GAPS, "unscanned_echoes"}
+    with pytest.raises(ConfigError, match=r"measured\.draw=2: the draws of drives are 0 to 0"):
+        draws.Query(config("rover_fidelity", "measured.draw=2"), ("lateral",)).wanted(Store(tmp_path), QUIET)

@@ -8,6 +8,7 @@ from dataclasses import asdict, fields, replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from fake_campaign import FakeCampaign
 
@@ -20,6 +21,7 @@ from experiments.gaps.gap_attribution import ALL, ALONE, CLAIMS, FILLED, LEFT_OU
 from experiments.gaps.shapley import Coalition
 from experiments.recognition import transfer
 from experiments.recognition.protocol import correct
+from experiments.recognition.readings import frames
 from experiments.statistics import Estimate
 from radartwin.config.compose import compose
 from radartwin.config.study import GapConfig
@@ -137,13 +139,14 @@ def test_contents_affect_filled_bottles_only(scored) -> None:
 
 def test_sets_are_classified_together_as_separately(scored) -> None:
     sides, _, _, _ = scored
-    twin = sides.read("twin", frozenset()).frames
+    twin = sides.read("twin", frozenset())
     some: list[Coalition] = [frozenset(), frozenset(("contents",)), frozenset(("hardware", "contents"))]
-    measured = {on: sides.read("measured", on).frames for on in some}
-    together = recognised_shares(CONFIG, twin, measured)
-    for on, samples in measured.items():
-        predictions = transfer.predict(CONFIG, transfer.ranked_split(transfer.Frames(twin, samples, ())))
-        np.testing.assert_array_equal(together[on], correct(predictions, samples.per_recording().label).mean(axis=0))
+    measured = {on: sides.read("measured", on) for on in some}
+    together = recognised_shares(CONFIG, frames(twin), {on: frames(rows) for on, rows in measured.items()})
+    for on, rows in measured.items():
+        split = transfer.ranked_split(pd.concat([twin, rows]))
+        hits = correct(transfer.predict(CONFIG, split), split.test.per_recording().label)
+        np.testing.assert_array_equal(together[on], hits.mean(axis=0))
 
 
 def test_every_claim_has_a_row_in_the_paper_profile() -> None:

@@ -4,14 +4,17 @@ that it should change.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from experiments import cells
 from experiments.campaign.cases import Case, Log
-from experiments.claims import RowList
+from experiments.claims import Row
 from experiments.gaps import case_set, claims, gaps
 from experiments.scans import virtual_scan
 from experiments.statistics import Estimate
@@ -33,6 +36,13 @@ ANGLE = 2 * np.pi * np.arange(FRAMES) / FRAMES
 
 def config(tmp_path: Path) -> Config:
     return compose(["experiment=gaps", f"output={tmp_path}"])
+
+
+def rows_of(own: Config, draws: Sequence[Mapping[Case, Mapping[str, float]]]) -> list[Row]:
+    """Return the rows of the hardware gap from the changes of the features of each case in each draw."""
+    at = {"gap": "hardware", "strength": 1.0, "key": ["key"]}
+    frames = [pd.DataFrame([{**at, "draw": 0, "case": case, **moves} for case, moves in one.items()]) for one in draws]
+    return cells.joined_rows([cell.row(own) for cell in gaps.cells(own, frame)] for frame in frames)
 
 
 def reading(target: np.ndarray, room: complex = 1e-4, offset_m: float = 0.0, floor: float = 1e-16) -> case_set.Reading:
@@ -135,8 +145,7 @@ def test_a_claim_is_judged_by_the_measured_change(tmp_path: Path) -> None:
     for level, verdict in ((-7.7, "supported"), (0.0, "contradicted")):
         moved = still | {"target brightness (dB)": level}
         moves = {case: {name: value + 1e-3 * k for name, value in moved.items()} for k, case in enumerate(case_set.CASES)}
-        rows = RowList(config(tmp_path))
-        gaps.add_rows(rows, ("hardware", 1.0), [moves], ["key"])
+        rows = rows_of(config(tmp_path), [moves])
         found = {(row["cases"], row["metric"]): row["verdict"] for row in rows}
         assert found["turntable, metal", "target brightness (dB)"] == verdict
         assert found["turntable", "noise floor (dB)"] == "supported"
@@ -150,8 +159,7 @@ def test_an_interval_contains_the_spread_between_draws(tmp_path: Path) -> None:
     still = case_set.moved(base, base) | {"noise floor (dB)": -138.0, "level at zero range, risen by (dB)": 40.0}
     draws = [dict.fromkeys(case_set.CASES, still | {"target brightness (dB)": level}) for level in (-7.0, -8.0, -9.0)]
     for some, width in ((draws[:1], 0.0), (draws, 1.0)):
-        rows = RowList(config(tmp_path))
-        gaps.add_rows(rows, ("hardware", 1.0), some, ["key"])
+        rows = rows_of(config(tmp_path), some)
         row = next(one for one in rows if (one["cases"], one["metric"]) == ("turntable, metal", "target brightness (dB)"))
         assert row["draws"] == len(some)
         assert row["value"] == pytest.approx(np.mean([-7.0, -8.0, -9.0][: len(some)]))
@@ -168,9 +176,7 @@ def test_very_different_changes_of_three_objects_have_an_interval(tmp_path: Path
         {case: still | {"target change (dB)": level} for case, level in zip(case_set.CASES, levels, strict=True)}
         for levels in ((-20.0, -60.0, -70.0, -30.0), (-22.0, -65.0, -75.0, -30.0))
     ]
-    rows = RowList(config(tmp_path))
-    gaps.add_rows(rows, ("hardware", 1.0), moves, ["key"])
-    (row,) = (row for row in rows if row["metric"] == "target change (dB)" and row["cases"] == "turntable")
+    (row,) = (row for row in rows_of(config(tmp_path), moves) if row["metric"] == "target change (dB)" and row["cases"] == "turntable")
     assert np.isfinite([row["low"], row["high"]]).all()
     assert row["low"] < row["value"] < row["high"]
 

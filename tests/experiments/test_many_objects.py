@@ -6,13 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fake_campaign import FakeCampaign, config, draw_all, find, frame_of
+from fake_campaign import FakeCampaign, config, draw_all, find, sides_of
 
 from experiments.recognition import many_objects
-from experiments.recognition.labelled_probe import PRETRAINED, RAW, RIVAL, gather_data
+from experiments.recognition.copies import copies
+from experiments.recognition.labelled_probe import PRETRAINED, RAW, RIVAL
+from experiments.recognition.protocol import scaled
+from experiments.recognition.readings import by_side
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
-from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result, check_rows
 from radartwin.scene.objects.assortment import assortment
 from radartwin.store.products import Store
@@ -30,9 +32,9 @@ def scored(folder: Path, **changed) -> Result:
     def source(gap: float) -> FakeCampaign:
         return FakeCampaign(**({"objects": OBJECTS, "frames": 24, "repetitions": 2, "turns": 2, "gap": gap} | changed))
 
-    campaign, own = source(0.1), small()
-    data = gather_data(own, campaign, Store(folder / "cache"), Progress(quiet=True), {RIVAL: source(0.5)})
-    return many_objects.score(own, frame_of(campaign), data.copies)
+    sides, own = {PRETRAINED: source(0.1), RIVAL: source(0.5)}, small()
+    frame, store = sides_of(sides), Store(folder / "cache")
+    return many_objects.score(own, frame, {name: scaled(copies(store, sides, own, some)) for name, some in by_side(frame).items()})
 
 
 @pytest.fixture(scope="module")

@@ -6,15 +6,20 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import asdict, fields, is_dataclass, replace
+from functools import partial
 from itertools import permutations
 from pathlib import Path
+from typing import Any
 
 import fake_campaign
 import numpy as np
+import pandas as pd
 import pytest
-from fake_campaign import FakeCampaign, draw_all, find
+from fake_campaign import FakeCampaign, draw_all, find, sides_of
 
+from experiments.campaign import frame
 from experiments.campaign.cases import Case, planned
 from experiments.claims import Claim
 from experiments.generators import choices, feature_floor
@@ -31,12 +36,11 @@ from experiments.recognition import (
     turntable_label_free,
     unlabelled_adaptation,
 )
+from experiments.recognition.copies import copies
 from experiments.recognition.figures import bars
-from experiments.recognition.protocol import LEAST_GAIN, TEXT, RecognitionRows, permuted_accuracy
-from experiments.recognition.readings import shared_cases
+from experiments.recognition.protocol import LEAST_GAIN, TEXT, Scored, permuted_accuracy
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
-from radartwin.config.materials import MaterialsConfig
 from radartwin.features import sets
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PALETTE
@@ -48,6 +52,7 @@ from radartwin.store.products import Store
 SMALL = ["supervision.copies=3", "supervision.seeds=2", "supervision.trees=20", "supervision.encoder.epochs=10"]
 # A fake campaign has no target that a turntable turns, so its copies draw the receiver only.
 SMALL += [f"supervision.randomise.{name}=0" for name in ("wobble", "eccentricity", "start", "speed", "distance", "wall", "mesh")]
+FRAME = pd.DataFrame({"key": ["0" * 32], "domain": "measured", "side": ""})  # the recordings of a cell
 OBJECTS = ("can_211_300", "can_211_400", "corner_reflector", "mug", "mustard", "olive_oil")
 
 
@@ -64,6 +69,21 @@ def drives(**changed) -> FakeCampaign:
     return FakeCampaign(**(given | changed))
 
 
+class Labelled(FakeCampaign):
+    """Drives past the objects, whose simulated room has materials of one source."""
+
+    source = ""
+
+    def processed(self, domain, case, materials=None):
+        return super().processed(domain, case, materials or self.source)
+
+
+def labelled(source: str) -> Labelled:
+    made = Labelled(objects=OBJECTS, frames=16, repetitions=2, motions=("lateral",), rooms=("squash_court",))
+    made.source = source
+    return made
+
+
 def checked(result: Result) -> Result:
     """Check the table rows of a result, draw its figures, and return the rows."""
     check_rows(result.table, result.rows)
@@ -72,9 +92,16 @@ def checked(result: Result) -> Result:
     return result
 
 
+def scored(module: Any, chosen: Config, folder: Path, sides: Mapping[str, FakeCampaign] | None = None) -> Result:
+    """Return the result of a turntable table."""
+    sides = sides or {"": turntable()}
+    return module.score(chosen, sides_of(sides), partial(copies, Store(folder / "cache"), sides))
+
+
 def probe(tmp_path: Path, campaign: FakeCampaign, name: str = "one") -> Result:
     chosen = config("labelled_probe", "supervision.seeds=12")  # two shuffles of labels are too few for a control
-    return labelled_probe.score(chosen, campaign, Store(tmp_path / name / "cache"), Progress(), {labelled_probe.RIVAL: turntable(gap=0.5)})
+    sides = {labelled_probe.PRETRAINED: campaign, labelled_probe.RIVAL: turntable(gap=0.5)}
+    return scored(labelled_probe, chosen, tmp_path / name, sides)
 
 
 def test_labelled_probe_recognises_different_objects(tmp_path: Path):
@@ -100,7 +127,7 @@ def test_labelled_probe_of_single_recordings_has_no_probe_on_others(tmp_path: Pa
 
 
 def compared(tmp_path: Path, source: FakeCampaign) -> Result:
-    return checked(encoder_comparison.score(config("encoder_comparison"), source, Store(tmp_path / "cache"), Progress()))
+    return checked(scored(encoder_comparison, config("encoder_comparison"), tmp_path, {"": source}))
 
 
 def test_every_learner_recognises_different_objects(tmp_path: Path):
@@ -125,10 +152,12 @@ def test_single_recordings_have_no_labelled_rows(tmp_path: Path):
 def test_each_part_of_the_simulation_has_an_accuracy_and_a_difference(tmp_path: Path):
     chosen = config("simulation_parts")
     # The rival simulates all objects equal.
-    twins = {name: turntable(signature=float(name != simulation_parts.RIVAL)) for name in simulation_parts.configured(chosen)}
-    result = checked(simulation_parts.score(chosen, turntable(), twins, Store(tmp_path / "cache"), Progress()))
+    names = [part.versions["side"] for part in simulation_parts.query(chosen).parts if part.domain == "twin"]
+    twins = {name: turntable(signature=float(name != simulation_parts.RIVAL)) for name in names}
+    result = checked(scored(simulation_parts, chosen, tmp_path, twins))
     tables = {one["simulation"] for one in result.rows if one["metric"] == "accuracy" and one["probe"] == TEXT}
-    assert tables == {*twins} - {simulation_parts.EVERYTHING}  # the other tables have this row, and that of the rival with labels
+    # the other tables have the row of the whole simulation, and that of the rival with labels
+    assert tables == {*twins, simulation_parts.NO_LEVEL} - {simulation_parts.EVERYTHING}
     assert not [one for one in result.rows if simulation_parts.RIVAL in one["simulation"] and one["probe"] != TEXT]
     difference = f"{simulation_parts.EVERYTHING} - {simulation_parts.RIVAL}"
     assert find(result, probe=TEXT, simulation=difference)["value"] > 0.3
@@ -136,7 +165,7 @@ def test_each_part_of_the_simulation_has_an_accuracy_and_a_difference(tmp_path: 
 
 def test_adaptation_scores_balanced_and_skewed_batches(tmp_path: Path):
     chosen = config("unlabelled_adaptation")
-    result = checked(unlabelled_adaptation.score(chosen, turntable(), Store(tmp_path / "cache"), Progress()))
+    result = checked(scored(unlabelled_adaptation, chosen, tmp_path))
     for method in unlabelled_adaptation.METHODS:
         for batch in ("balanced", "skewed"):
             assert find(result, batch=batch, method=method)["metric"] == "accuracy"
@@ -146,7 +175,7 @@ def test_adaptation_scores_balanced_and_skewed_batches(tmp_path: Path):
 
 def test_the_ablation_of_randomisation_has_a_row_for_each_kind_of_copies(tmp_path: Path):
     chosen = config("randomisation_ablation")
-    result = checked(randomisation_ablation.score(chosen, turntable(), Store(tmp_path / "cache"), Progress()))
+    result = checked(scored(randomisation_ablation, chosen, tmp_path))
     kinds = {one["copies"] for one in result.rows if one["metric"] == "accuracy"}
     left_out = {f"without {name}" for name in chosen.profile.left_out}
     assert kinds == {randomisation_ablation.ALL, randomisation_ablation.NOISE_ONLY, *left_out}
@@ -165,14 +194,17 @@ def test_bars_show_more_groups_and_methods_than_there_are_colours():
 def test_the_layout_of_the_paper_has_four_objects_at_each_distance(tmp_path: Path):
     """Twelve objects at four distances in the paper's layout have a chance of 25 % at equal distance, and the paper states 24.8 %."""
     whole = FakeCampaign(frames=24, repetitions=1, turns=3, distances=(0.5, 1.0, 1.5, 2.0))
-    chosen = labelled_probe.as_in_paper(whole.cases("measured"))
+    chosen = [case for _, case in labelled_probe.as_in_paper(whole)]
     assert len(chosen) == 16
     assert {case.object for case in chosen} == set(whole.objects)
     assert [sum(case.distance_m == one for case in chosen) for one in whole.distances] == [4, 4, 4, 4]
     own = config("labelled_probe")
     layout = turntable(distances=(0.5, 1.0, 1.5), turns=3)
-    result = labelled_probe.score(own, turntable(), Store(tmp_path), Progress(), layout=layout)
-    assert {layout.processed("measured", case)[0] for case in labelled_probe.as_in_paper(layout.cases("measured"))} <= set(result.keys)
+    sides = {labelled_probe.PRETRAINED: turntable()}
+    special = frame.read(layout, labelled_probe.as_in_paper(layout), Progress(quiet=True)).assign(side=labelled_probe.LAYOUT)
+    both = pd.concat([sides_of(sides), special], ignore_index=True)
+    result = labelled_probe.score(own, both, partial(copies, Store(tmp_path), sides))
+    assert set(special.key) <= set(result.keys)
     rows = {(row["probe"], row["method"]): row for row in result.rows if row.get("layout") and row["metric"] == "accuracy"}
     assert {probe for probe, _ in rows} == {labelled_probe.REVOLUTIONS, labelled_probe.MATCHED}
     matched = rows[labelled_probe.MATCHED, labelled_probe.PRETRAINED]
@@ -201,7 +233,7 @@ def test_rows_do_not_depend_on_the_order_of_cases(tmp_path: Path):
 
 def test_every_object_has_the_same_number_of_measured_cases():
     often = FakeCampaign(objects=OBJECTS, keep=lambda domain, case: case.repetition < 2 or case.object == "corner_reflector")
-    measured, _ = shared_cases(often, "turntable")
+    measured = [case for domain, case in frame.shared(often, ["turntable"], several=True) if domain == "measured"]
     number = Counter((case.object, case.distance_m) for case in measured)
     assert set(number.values()) == {2}
     assert {case.repetition for case in measured} == {0, 1}
@@ -213,16 +245,20 @@ def test_distances_with_one_object_and_objects_without_twin_are_left_out():
         return (case.distance_m == 1.0 or case.object == "corner_reflector") and (domain == "measured" or case.object != "mug")
 
     uneven = FakeCampaign(objects=OBJECTS, keep=keep)
-    measured, simulated = shared_cases(uneven, "turntable")
-    assert {case.distance_m for case in (*measured, *simulated)} == {1.0}
-    assert {case.object for case in measured} == {case.object for case in simulated} == set(OBJECTS) - {"mug"}
-    with pytest.raises(ValueError, match="no lateral recordings in atrium of two objects"):
-        shared_cases(uneven, "lateral", "atrium")
+    wanted = frame.shared(uneven, ["turntable"], several=True)
+    assert {case.distance_m for _, case in wanted} == {1.0}
+    for domain in ("measured", "twin"):
+        assert {case.object for of, case in wanted if of == domain} == set(OBJECTS) - {"mug"}
+    with pytest.raises(ValueError, match="no lateral recordings of one object and place"):
+        frame.shared(uneven, ["lateral"], "atrium", several=True)
+    single = FakeCampaign(objects=OBJECTS[:1])
+    with pytest.raises(ValueError, match="no recordings of two objects at one distance"):
+        frame.shared(single, ["turntable"], several=True)
 
 
 def test_geometry_transfers_without_labels(tmp_path: Path):
     chosen = config("turntable_label_free")
-    result = checked(turntable_label_free.score(chosen, turntable(), Store(tmp_path / "cache"), Progress()))
+    result = checked(scored(turntable_label_free, chosen, tmp_path))
     geometry = find(result, attribute="geometry", method=turntable_label_free.ENCODER)
     assert geometry["chance"] == 0.5
     assert geometry["value"] > 0.8
@@ -233,9 +269,9 @@ def test_geometry_transfers_without_labels(tmp_path: Path):
 @pytest.mark.parametrize("overrides", [(), ("supervision=few_shot", "supervision.encoder.paired=0.5")])
 def test_contrastive_exports_a_model(tmp_path: Path, overrides: tuple[str, ...]):
     chosen = config("contrastive", *overrides)
-    store = Store(tmp_path / "cache")
-    result = checked(contrastive.score(chosen, turntable(), store, Progress()))
-    save(replace(result, models={"recogniser": contrastive.export(chosen, turntable(), store)}), tmp_path)
+    result = checked(scored(contrastive, chosen, tmp_path))
+    copied = partial(copies, Store(tmp_path / "cache"), {"": turntable()})
+    save(replace(result, models={"recogniser": contrastive.export(chosen, sides_of({"": turntable()}), copied)}), tmp_path)
     assert find(result, attribute="geometry", method=contrastive.EMBEDDED, **{"left out": "recording"})["value"] > 0.8
     assert find(result, attribute="geometry", method=contrastive.EMBEDDED, **{"left out": "object"})["chance"] == 0.5
     described = json.loads((tmp_path / "models" / "recogniser" / "model.json").read_text())
@@ -245,8 +281,9 @@ def test_contrastive_exports_a_model(tmp_path: Path, overrides: tuple[str, ...])
 
 def test_rover_rows_follow_the_level_of_supervision():
     chosen = config("rover_recognition", "supervision=label_free", "supervision.seeds=1", "supervision.trees=2")
-    assert {one["supervision"] for one in rover_recognition.score(chosen, drives(), Progress(), "label_free").rows} == {"label_free"}
-    result = checked(rover_recognition.score(config("rover_recognition"), drives(), Progress(), "few_shot"))
+    of = sides_of({"": drives()}, *rover_recognition.MOTIONS)
+    assert {one["supervision"] for one in rover_recognition.score(chosen, of, Progress()).rows} == {"label_free"}
+    result = checked(rover_recognition.score(config("rover_recognition"), of, Progress()))
     assert {one["supervision"] for one in result.rows} == {"label_free", "calibrated", "few_shot"}
     objects = find(result, supervision="label_free", motion="lateral", classes="object", method=rover_recognition.TRAINED)
     assert (objects["verdict"], objects["n"], objects["chance"]) == ("supported", 24, pytest.approx(1 / 6))
@@ -262,33 +299,24 @@ def test_the_ablation_detects_the_benefit_of_the_room():
     """In the synthetic rooms, a wrong material mirrors the room's echoes, so the simulation with material labels must give the best
     recognition.
     """
-    result = checked(reconstruction_ablation.score(config("reconstruction_ablation"), drives(), Progress()))
+    names = (reconstruction_ablation.LABELLED, reconstruction_ablation.UNIFORM, reconstruction_ablation.VOID)
+    sides = {name: labelled(source) for name, source in zip(names, ("vlm", "uniform", "void"), strict=True)}
+    result = checked(reconstruction_ablation.score(config("reconstruction_ablation"), sides_of(sides, "lateral"), Progress()))
     method = f"{reconstruction_ablation.LABELLED} - {reconstruction_ablation.UNIFORM}"
     assert find(result, classes="object", method=method, metric="gain in accuracy")["value"] > 0
     uneven = [one for one in result.rows if one["metric"] == "share of the unequal objects"]
     assert len(uneven) == 2
     assert {one["verdict"] for one in uneven} == {"not testable here"}  # the court has only its floor near the target
     with pytest.raises(ValueError, match="choose another source than uniform"):
-        reconstruction_ablation.score(config("reconstruction_ablation", "materials=uniform"), drives(), Progress())
+        reconstruction_ablation.query(config("reconstruction_ablation", "materials=uniform"))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("profile", "shares"), [("quick", 1), ("paper", 3)])
 def test_material_errors_are_zero_with_true_materials(profile: str, shares: int):
-    class Labelled(FakeCampaign):
-        source = ""
-
-        def processed(self, domain, case, materials=None):
-            return super().processed(domain, case, materials or self.source)
-
-    def campaign_of(materials: MaterialsConfig) -> FakeCampaign:
-        made = Labelled(objects=OBJECTS, frames=16, repetitions=2, motions=("lateral",), rooms=("squash_court",))
-        made.source = materials.source
-        return made
-
     chosen = config("material_errors", f"profile.name={profile}")
-    campaigns = {name: campaign_of(materials) for name, (_, materials) in material_errors.sources(chosen).items()}
-    result = checked(material_errors.score(chosen, campaigns, Progress()))
+    sides = {name: labelled(materials.source) for name, (_, materials) in material_errors.sources(chosen).items()}
+    result = checked(material_errors.score(chosen, sides_of(sides, "lateral"), Progress()))
     errors = [one["value"] for one in result.rows if one["metric"].startswith("level error")]
     assert errors[0] == 0
     assert len(errors) == shares + 2  # one further error with the configured settings
@@ -310,7 +338,8 @@ def test_all_correct_has_the_exact_interval_and_one_object_has_none():
     """Four correct objects of four have an exact confidence interval from 0.40 to 1. A single object is too few to judge a claim."""
     rng = np.random.default_rng(0)
     recordings = gather(("a",), [Part(f"r{n}", f"k{n % 4}", MEASURED, rng.normal(size=1), f"{n // 4} m") for n in range(8)])
-    given = RecognitionRows(config("contrastive")).share({}, np.ones((2, 8), bool), recordings, ["0" * 32], 0.45, Claim("above chance"))
+    own = config("contrastive")
+    given = Scored(own, recordings, FRAME, 0.45).accuracy({}, np.ones((2, 8), bool), Claim("above chance")).row(own)
     assert (given["low"], given["high"], given["verdict"]) == (pytest.approx(0.3976, abs=1e-4), 1.0, "undecided")
     one_place = turntable(distances=(1.0,), repetitions=1, objects=("can_211_300", "corner_reflector", "mug"))
     rows = corner_reflector_calibration.score(config("corner_reflector_calibration"), fake_campaign.frame_of(one_place)).rows
@@ -330,23 +359,24 @@ def test_few_gains_are_supported_by_chance(alike: float):
     four distances. A share `alike` of the objects has the same answers at all distances, as if the errors of its mesh decided them.
     """
     rng, trials, held = np.random.default_rng(7), 300, 0
-    recordings, rows, claim = recorded(12, 4), RecognitionRows(config("contrastive")), Claim("helps")
+    own = config("contrastive")
+    scored, claim = Scored(own, recorded(12, 4), FRAME, 0.25), Claim("helps")
     for _ in range(trials):
         chance = rng.random((12, 4))
         chance[rng.random(12) < alike, 1:] = np.nan
         chance = np.where(np.isnan(chance), chance[:, :1], chance).ravel()
         first, second = chance < 0.10 + LEAST_GAIN, chance > 0.90  # right with one method alone
-        held += rows.gain({}, first[None], second[None], recordings, ["0" * 32], claim)["verdict"] == "supported"
+        held += scored.gain({}, first[None], second[None], claim).row(own)["verdict"] == "supported"
     assert held / trials <= 0.04
 
 
 def test_a_gain_needs_six_objects_with_unequal_answers():
     """Five objects of ten swap their methods in 32 ways, so that p is at least 1/16; six allow 1/32."""
     recordings = recorded(10, 10, 2)
-    rows, wrong, claim = RecognitionRows(config("contrastive")), np.zeros((1, 20), bool), Claim("helps")
+    own, wrong = config("contrastive"), np.zeros((1, 20), bool)
     for unequal, verdict, p in ((0, "undecided", 1.0), (5, "undecided", 1 / 16), (6, "supported", 1 / 32)):
         better = np.isin(recordings.object, [f"o{n:02}" for n in range(unequal)])[None]
-        row = rows.gain({}, better, wrong, recordings, ["0" * 32], claim)
+        row = Scored(own, recordings, FRAME, 0.1).gain({}, better, wrong, Claim("helps")).row(own)
         assert row["verdict"] == verdict
         assert row["p"] == pytest.approx(p)
 
@@ -422,5 +452,5 @@ def test_the_floor_of_features_is_measured_in_a_draw_of_its_own():
 def test_single_recordings_have_no_skewed_batch(tmp_path: Path):
     single = turntable(repetitions=1, keep=lambda domain, case: case.distance_m == 1.0)
     chosen = config("unlabelled_adaptation", "supervision.encoder.epochs=2")
-    result = checked(unlabelled_adaptation.score(chosen, single, Store(tmp_path / "cache"), Progress()))
+    result = checked(scored(unlabelled_adaptation, chosen, tmp_path, {"": single}))
     assert {one["batch"] for one in result.rows} == {"balanced"}

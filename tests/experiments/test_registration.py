@@ -9,14 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from fake_campaign import FakeCampaign, config, frame_of
 
-from experiments import cells, draws
+from experiments import cells
 from experiments.campaign.frame import Frame
 from experiments.claims import Claim, Row
 from experiments.gaps import headline, registration
-from experiments.recognition.protocol import RecognitionRows
+from experiments.recognition.protocol import Scored
 from experiments.rover import rover_fidelity
 from experiments.turntable import turntable_material, turntable_shape
 from radartwin.errors import InputError
@@ -124,14 +125,14 @@ def test_recognition_states_the_claims_as_they_are_registered() -> None:
         for draw in range(2):
             rng = np.random.default_rng(draw)
             samples = Samples(("x",), np.zeros((4, 1)), objects, objects, np.full(4, "measured"), objects, labels, objects)
-            rows, hits = RecognitionRows(config("turntable_label_free")), rng.random((3, 4)) > 0.5
+            own, hits = config("turntable_label_free"), rng.random((3, 4)) > 0.5
+            scored = Scored(own, samples, pd.DataFrame({"key": ["k"]}), 0.5 if answered else 0.25)
             if answered:
-                rows.share({}, hits, samples, ["k"], 0.5, answers=[rng.permutation(labels) for _ in range(3)])
+                found = [scored.accuracy({}, hits, answers=[rng.permutation(labels) for _ in range(3)])]
             else:
-                rows.share({}, hits, samples, ["k"], 0.25)
-                rows.gain({}, hits, rng.random((3, 4)) > 0.5, samples, ["k"], Claim("it helps"))
-            made.append(list(rows))
-        return draws.joined_rows(made)
+                found = [scored.accuracy({}, hits), scored.gain({}, hits, rng.random((3, 4)) > 0.5, Claim("it helps"))]
+            made.append([cell.row(own) for cell in found])
+        return cells.joined_rows(made)
 
     share, gain = joined(objects, answered=False)
     (permuted,) = joined(np.array(["x", "x", "y", "y"]), answered=True)

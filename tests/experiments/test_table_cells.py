@@ -31,7 +31,16 @@ def synthetic() -> Frame:
             for domain, twin, known in (("measured", "", measured), ("twin", "", [(0, 0)]), ("twin", "other", [(0, 0)])):
                 for draw, repetition in known:
                     level, ratio = rng.uniform(1, 2, 2) * (0.5 if twin else 1)
-                    row = {"domain": domain, "twin": twin, "draw": draw, "repetition": repetition, "level": level, "ratio": ratio}
+                    row = {
+                        "domain": domain,
+                        "twin": twin,
+                        "truth": "",
+                        "draw": draw,
+                        "repetition": repetition,
+                        "level": level,
+                        "ratio": ratio,
+                    }
+                    row |= {"level": level, "ratio": ratio}
                     rows.append({**shared, **row, "key": f"{domain}{twin}{name}{distance}{draw}{repetition}"})
     return pd.DataFrame(rows)
 
@@ -84,6 +93,23 @@ def test_rows_join_draws_and_show_a_named_twin_without_a_claim_where_it_differs(
     assert (twin["n"], twin.get("twin")) == (8, None)
     assert (other["twin"], other["claim"], other["paper"], other["n"]) == ("other", "", "2", 8)
     assert other["value"] < twin["value"]
+
+
+def test_rows_of_another_truth_use_its_measurements_and_are_chosen() -> None:
+    frame = synthetic()
+    frame = frame[frame.twin == ""]
+    exact = frame[(frame.domain == "measured") & (frame.draw == 0)].assign(truth="exact")
+    exact["level"] *= 3
+
+    def table(one: Frame) -> Iterator[Cell]:
+        for domain in ("measured", "twin"):
+            yield Cell({"of": domain}, "level", one[one.domain == domain], mean(per("level")), Claim("high", bound=0.1))
+
+    both = pd.concat([frame, exact], ignore_index=True)
+    measured, twin, other = cells.table_rows(config("turntable_shape"), both, table, lambda row: row["of"] == "measured")
+    assert (measured["draws"], twin["verdict"]) == (2, "supported")
+    assert (other["truth"], other["of"], other["claim"], other["draws"]) == ("exact", "measured", "", 1)
+    assert other["value"] == pytest.approx(3 * by_hand(frame, "level", "measured").mean())
 
 
 def test_a_cell_that_cannot_be_computed_is_refused() -> None:
