@@ -90,6 +90,13 @@ class Job:
     def name(self) -> str:
         return job_name(self.overrides)
 
+    def lost(self, reason: str, *logs: Path) -> Outcome:
+        """Note that the job has failed without an outcome of its own. The first log file with text is named in the outcome."""
+        written = (str(log) for log in (self.folder / LOG, *logs) if log.exists() and log.stat().st_size)
+        outcome = Outcome(self.name, FAILED, reason, log=next(written, ""))
+        outcome.write(self.folder)
+        return outcome
+
 
 def run(job: Job) -> Outcome:
     """Run one job of a sweep, in any process or on any machine. Return how the job ended, and write it to the job's folder."""
