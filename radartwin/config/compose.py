@@ -1,7 +1,6 @@
 """Compose a typed `Config` from command-line overrides. Every mistake in the overrides raises a ConfigError with a message of one line.
 
-This is the only module that calls functions outside Hydra's public interface (Hydra 1.3). A function imports Hydra only when it is called,
-because this import takes 0.1 s and `radartwin --help` must be fast.
+A function imports Hydra only when it is called, because this import takes 0.1 s and `radartwin --help` must be fast.
 """
 
 from __future__ import annotations
@@ -9,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import copy
 import dataclasses
+import itertools
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -71,8 +71,7 @@ class Composer:
 
     def compose(self, overrides: Sequence[str]) -> Config:
         """Compose one configuration from overrides, as the function `compose` of this module does."""
-        from hydra._internal.config_loader_impl import ConfigLoaderImpl
-        from omegaconf import open_dict
+        from omegaconf import OmegaConf, open_dict
 
         overrides = quoted(overrides)
         with _one_line_errors(overrides):
@@ -83,11 +82,10 @@ class Composer:
                 with open_dict(self._cache[options]) as cached:
                     del cached["hydra"]
             composed = copy.deepcopy(self._cache[options])
-            parsed = _parse(values)
-            for override in parsed:
+            for override in _parse(values):
                 if override.is_sweep_override():
-                    raise ConfigError(messages.several_values(str(override.key_or_group)))
-            ConfigLoaderImpl._apply_overrides_to_config(parsed, composed)
+                    raise ConfigError(messages.several_values(override.key_or_group))
+                OmegaConf.update(composed, override.key_or_group, override.value())
             return typed(composed)
 
     def launching(self, overrides: Sequence[str]) -> tuple[str, dict[str, Any], str]:
@@ -146,11 +144,15 @@ def combinations(overrides: Sequence[str]) -> list[list[str]]:
     Raises:
         ConfigError: Hydra's grammar cannot parse an override.
     """
-    from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
-
+    choices: dict[str, list[str]] = {}
     with _one_line_errors(overrides):
-        batches = BasicSweeper.split_arguments(_parse(quoted(overrides)), max_batch_size=None)
-        return [list(job) for batch in batches for job in batch]
+        for override in _parse(quoted(overrides)):
+            key = override.get_key_element()
+            if override.is_interval_sweep():
+                raise ConfigError(f"{key}: a sweep needs a list of values; write {key}=1,2,3, or search the interval with --search METRIC")
+            values = override.sweep_string_iterator() if override.is_sweep_override() else [override.get_value_element_as_str()]
+            choices[key] = [f"{key}={value}" for value in values]
+    return [list(job) for job in itertools.product(*choices.values())]
 
 
 def typed(composed: DictConfig) -> Config:
