@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from radartwin import plugins
 from radartwin.config import messages
 from radartwin.config.config import SCHEMAS, Config
 from radartwin.config.trusted import JoblibLauncher, check_hydra, check_secrets
@@ -74,7 +73,7 @@ class Composer:
         from omegaconf import OmegaConf, open_dict
 
         overrides = quoted(overrides)
-        with _one_line_errors(overrides):
+        with _one_line_errors():
             values = [override for override in overrides if _VALUE.match(override)]
             options = tuple(override for override in overrides if override not in values)
             if options not in self._cache:
@@ -92,7 +91,7 @@ class Composer:
         """Return the option of hydra/launcher, its keys, and hydra.sweep.dir, which is empty unless the user sets it."""
         from omegaconf import OmegaConf
 
-        with _one_line_errors(overrides):
+        with _one_line_errors():
             settings = self._read(quoted(overrides)).hydra
             keys = cast(dict[str, Any], OmegaConf.to_container(settings.launcher, resolve=True))
             return settings.runtime.choices["hydra/launcher"], keys, str(settings.sweep.dir)
@@ -134,7 +133,7 @@ def _with_plugins(read: Callable[[], DictConfig]) -> DictConfig:
 
 def parse_overrides(overrides: Sequence[str]) -> list[Override]:
     """Parse command-line overrides with Hydra's grammar. Raises ConfigError for an override that cannot be parsed."""
-    with _one_line_errors(overrides):
+    with _one_line_errors():
         return _parse(quoted(overrides))
 
 
@@ -145,7 +144,7 @@ def combinations(overrides: Sequence[str]) -> list[list[str]]:
         ConfigError: Hydra's grammar cannot parse an override.
     """
     choices: dict[str, list[str]] = {}
-    with _one_line_errors(overrides):
+    with _one_line_errors():
         for override in _parse(quoted(overrides)):
             key = override.get_key_element()
             if override.is_interval_sweep():
@@ -169,14 +168,9 @@ def typed(composed: DictConfig) -> Config:
 
 
 def quoted(overrides: Sequence[str]) -> list[str]:
-    """Add quotes to option names that Hydra would otherwise read as a boolean or null, such as `true` in materials=true."""
-    literals = [(group, option) for group, options in groups().items() for option in options if option in ("true", "false", "null")]
-    out = list(overrides)
-    for group, option in literals:
-        for i, override in enumerate(out):
-            if override.startswith(f"{group}="):
-                out[i] = re.sub(rf"(?<=[=,]){option}(?=,|$)", f"'{option}'", override)
-    return out
+    """Quote option names that Hydra would read as a boolean, a number or null, such as `true` in materials=true."""
+    literal, known = re.compile(r"(?<=[=,])(true|false|null|[\d.]+)(?=,|$)", re.IGNORECASE), groups()
+    return [literal.sub(r"'\1'", override) if override.lstrip("+").partition("=")[0] in known else override for override in overrides]
 
 
 def refuse_unread(verb: str, overrides: Sequence[str], reads: Sequence[str], set_by: Mapping[str, str] | None = None) -> list[str]:
@@ -240,7 +234,7 @@ def _parse(overrides: Sequence[str]) -> list[Override]:
 
 
 @contextlib.contextmanager
-def _one_line_errors(overrides: Sequence[str] = ()) -> Iterator[None]:
+def _one_line_errors() -> Iterator[None]:
     """Within the `with` block, convert exceptions of Hydra and OmegaConf to a ConfigError with a message of one line."""
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
@@ -249,14 +243,6 @@ def _one_line_errors(overrides: Sequence[str] = ()) -> Iterator[None]:
         yield
     except (HydraException, OmegaConfBaseException) as error:
         raise ConfigError(messages.explain(error)) from error
-    except (ConfigError, plugins.PluginError):
-        raise
-    except ValueError as error:  # Hydra raises ValueError if an override gives a group a number, a boolean or null
-        for override in overrides:
-            group, _, option = override.partition("=")
-            if option not in (options := groups().get(group, [])):
-                raise ConfigError(messages.unknown_option(f"{group}/{option}", options)) from error
-        raise
 
 
 def _refuse_added_keys(node: DictConfig, path: str = "") -> None:
