@@ -12,7 +12,6 @@ from __future__ import annotations
 import ast
 import dataclasses
 import functools
-import gc
 import hashlib
 import importlib.metadata
 import json
@@ -135,17 +134,11 @@ def _source_digest(entries: tuple[str, ...]) -> str:
 @functools.cache
 def _code_digest(name: str) -> str:
     """Return the digest of a module's syntax tree without docstrings."""
-    collecting = gc.isenabled()
-    gc.disable()  # a syntax tree has no reference cycles, and the search for cycles would take most of the time
-    try:
-        tree = ast.parse(sources.text(name))
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) and ast.get_docstring(node) is not None:
-                node.body = node.body[1:]
-        return hashlib.sha256(ast.dump(tree).encode()).hexdigest()
-    finally:
-        if collecting:
-            gc.enable()
+    tree = ast.parse(sources.text(name))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) and ast.get_docstring(node) is not None:
+            node.body = node.body[1:]
+    return hashlib.sha256(ast.dump(tree).encode()).hexdigest()
 
 
 @functools.cache
