@@ -79,7 +79,7 @@ class Job:
     """One job of a sweep. A launcher may send it to another process or machine.
 
     Attributes:
-        folder: folder of the job's files.
+        folder: folder of the job's files, which the job's number names.
     """
 
     overrides: Sequence[str]

@@ -113,7 +113,6 @@ class Sweep:
         """
         self._total = total or len(jobs)
         self._jobs |= {number: overrides for number, (overrides, _) in jobs.items()}
-        waiting: dict[Path, int] = {}
         prepared: list[Job] = []
         for number, (overrides, config) in jobs.items():
             folder = files.make_folder(self.folder / str(number))
@@ -123,10 +122,9 @@ class Sweep:
             if _finished(config):
                 self._ended(number, run(job))
             else:
-                waiting[folder] = number
                 prepared.append(job)
         if prepared:
-            self._launcher.run(prepared, lambda job, outcome: self._ended(waiting[job.folder], outcome))
+            self._launcher.run(prepared, lambda job, outcome: self._ended(int(job.folder.name), outcome))
 
     def _ended(self, number: int, outcome: Outcome) -> None:
         self.outcomes[number] = outcome
