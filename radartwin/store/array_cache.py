@@ -47,7 +47,7 @@ class ArrayCache:
     def __init__(self, folder: str | Path | None = None, *, in_memory_bytes: int = IN_MEMORY_BYTES, max_bytes: int = MAX_BYTES) -> None:
         self.folder = None if folder is None else files.make_folder(Path(folder).absolute())
         self._max_bytes = max_bytes
-        self._recent = LRUCache(in_memory_bytes, lambda arrays: sum(array.nbytes for array in arrays.values()))
+        self._recent = LRUCache(in_memory_bytes, getsizeof=_bytes)
         self._lock = threading.RLock()
         if self.folder is not None:
             files.sweep(self.folder)
@@ -120,6 +120,10 @@ class ArrayCache:
             if path != newest:
                 path.unlink(missing_ok=True)
                 total -= size
+
+
+def _bytes(arrays: Any) -> int:
+    return sum(array.nbytes for array in arrays.values())
 
 
 _shared = ArrayCache()

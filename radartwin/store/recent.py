@@ -1,6 +1,7 @@
 """Keep the most recently used values of a computation in the memory of this process, up to a limit on the sum of their sizes."""
 
 import contextlib
+import operator
 import threading
 from collections.abc import Callable, Hashable
 from typing import Generic, TypeVar
@@ -21,7 +22,7 @@ class Recent(Generic[T]):
     """
 
     def __init__(self, limit: float) -> None:
-        self._values = LRUCache(limit, lambda sized: sized[1])
+        self._values = LRUCache(limit, getsizeof=operator.itemgetter(1))
         self._lock = threading.Lock()
 
     def __len__(self) -> int:
