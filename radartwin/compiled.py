@@ -11,9 +11,7 @@ file imports (`_sources`).
 
 import functools
 import hashlib
-import importlib.util
 import os
-import re
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -26,10 +24,10 @@ from filelock import FileLock
 from numba import njit
 from numba.core.compiler_lock import global_compiler_lock
 
+from radartwin import sources
+
 T = TypeVar("T")
 R = TypeVar("R")
-_IMPORT = re.compile(r"^\s*from\s+(radartwin[\w.]*)\s+import\s+(\([^)]*\)|[^\n]*)", re.MULTILINE)
-_FOLDER = Path(__file__).parent
 
 
 def compiled(function: Callable[..., Any]) -> Any:
@@ -83,30 +81,16 @@ def _built(function: Callable[..., Any], options: dict[str, Any]) -> Any:
 
 @functools.cache
 def _sources(module: str) -> str:
-    """Return the digest of the files whose functions or constants the machine code of a module can contain.
-
-    These are the module's own file and the files of this package that it imports. If one of these files has compiled functions, the files
-    that it imports are included, too.
+    """Return the digest of the source code whose functions or constants the machine code of a module can contain: of the module, of the
+    modules that it imports, and, if one of these has compiled functions, of the modules that it imports. Unlike the digest of stored
+    results, this digest includes comments, because a syntax tree would take 100 times as long as the text.
     """
-    found: dict[Path, str] = {}
-    spec = None if module == "__main__" else importlib.util.find_spec(module)
-    files = [Path(spec.origin)] if spec and spec.origin else []
-    while files:
-        if (file := files.pop()) not in found:
-            found[file], imported = _source(file)
-            files += imported
-    return hashlib.sha256("".join(f"{file.name} {found[file]}\n" for file in sorted(found)).encode()).hexdigest()
+    texts = (f"{name}\n{sources.text(name)}" for name in sorted(sources.closure((module,), _has_kernels)))
+    return hashlib.sha256("\n".join(texts).encode()).hexdigest()
 
 
-@functools.cache
-def _source(file: Path) -> tuple[str, tuple[Path, ...]]:
-    """Return the digest of a file and, if it has compiled functions, the files of this package that its import statements name."""
-    text = file.read_text(encoding="utf-8")
-    choices: list[Path] = []
-    for base, names in _IMPORT.findall(text) if "radartwin.compiled" in text else ():
-        folder = _FOLDER.joinpath(*base.split(".")[1:])
-        choices += [folder.with_suffix(".py"), folder / "__init__.py", *(folder / f"{name}.py" for name in re.findall(r"\w+", names))]
-    return hashlib.sha256(text.encode()).hexdigest(), tuple(choice for choice in choices if choice.is_file())
+def _has_kernels(module: str) -> bool:
+    return "radartwin.compiled" in sources.text(module)
 
 
 def fixed(values: np.ndarray) -> np.ndarray:

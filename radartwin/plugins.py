@@ -100,14 +100,9 @@ def _found(group: str, name: str) -> list[Plugin]:
 
 @functools.cache
 def _installed(path: tuple[str, ...]) -> tuple[Plugin, ...]:
-    """Return the plug-ins of all distributions on the import path `path`. If a distribution is found twice, the first counts."""
-    found: dict[tuple[str, str, str], Plugin] = {}
-    for distribution in metadata.distributions(path=list(path)):
-        for entry in distribution.entry_points:
-            if entry.group in GROUPS:
-                package = str(distribution.metadata["Name"])
-                found.setdefault((entry.group, entry.name, package), Plugin(entry.group, entry.name, package, entry.value))
-    return tuple(found.values())
+    """Return the plug-ins of all packages on the import path `path`, which is sys.path."""
+    entries = (entry for group in GROUPS for entry in metadata.entry_points(group=group))
+    return tuple(Plugin(entry.group, entry.name, entry.dist.name if entry.dist else "", entry.value) for entry in entries)
 
 
 def _first_line(error: BaseException) -> str:

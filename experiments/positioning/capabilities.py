@@ -111,9 +111,9 @@ def _labelled() -> tuple[str, bool]:
 
 def _no_measurement() -> tuple[str, bool]:
     """Check that no module that reconstructs scenes, assigns materials or simulates imports a module that reads measured recordings."""
-    from radartwin.store.digest import import_closure
+    from radartwin.sources import closure
 
-    reached = import_closure(("radartwin.reconstruct.build", "radartwin.label.sources", "radartwin.simulation.simulate"))
+    reached = closure(("radartwin.reconstruct.build", "radartwin.label.sources", "radartwin.simulation.simulate"))
     return "yes", not any(name.startswith(("radartwin.recordings", "radartwin.testbed")) for name in reached)
 
 

@@ -48,7 +48,7 @@ def positive(default: Any) -> Any:
     return number(default, lambda value: 0 < value < math.inf, "above zero and finite")
 
 
-def not_negative(default: float) -> Any:
+def not_negative(default: Any) -> Any:
     return number(default, lambda value: 0 <= value < math.inf, "zero or above, and finite")
 
 
@@ -97,11 +97,11 @@ def unkeyed(default: Any) -> Any:
     return field(default=default, metadata={"unkeyed": True})
 
 
-def check_fields(config: Any, prefix: str) -> None:
+def check_fields(config: Any, prefix: str = "") -> None:
     """Check every field of a dataclass. `prefix` is the dataclass's key in the configuration, such as "supervision.encoder"."""
     for entry in fields(config):
         if (check := entry.metadata.get("check")) and (value := getattr(config, entry.name)) is not None:
-            check(f"{prefix}.{entry.name}", value)
+            check(f"{prefix}.{entry.name}".lstrip("."), value)
 
 
 def check_selector(key: str, value: str, *names: str) -> None:

@@ -1,7 +1,6 @@
 """Compose a typed `Config` from command-line overrides. Every mistake in the overrides raises a ConfigError with a message of one line.
 
-This is the only module that calls functions outside Hydra's public interface (Hydra 1.3). A function imports Hydra only when it is called,
-because this import takes 0.1 s and `radartwin --help` must be fast.
+A function imports Hydra only when it is called, because this import takes 0.1 s and `radartwin --help` must be fast.
 """
 
 from __future__ import annotations
@@ -9,12 +8,12 @@ from __future__ import annotations
 import contextlib
 import copy
 import dataclasses
+import itertools
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from radartwin import plugins
 from radartwin.config import messages
 from radartwin.config.config import SCHEMAS, Config
 from radartwin.config.trusted import JoblibLauncher, check_hydra, check_secrets
@@ -71,11 +70,10 @@ class Composer:
 
     def compose(self, overrides: Sequence[str]) -> Config:
         """Compose one configuration from overrides, as the function `compose` of this module does."""
-        from hydra._internal.config_loader_impl import ConfigLoaderImpl
-        from omegaconf import open_dict
+        from omegaconf import OmegaConf, open_dict
 
         overrides = quoted(overrides)
-        with _one_line_errors(overrides):
+        with _one_line_errors():
             values = [override for override in overrides if _VALUE.match(override)]
             options = tuple(override for override in overrides if override not in values)
             if options not in self._cache:
@@ -83,18 +81,17 @@ class Composer:
                 with open_dict(self._cache[options]) as cached:
                     del cached["hydra"]
             composed = copy.deepcopy(self._cache[options])
-            parsed = _parse(values)
-            for override in parsed:
+            for override in _parse(values):
                 if override.is_sweep_override():
-                    raise ConfigError(messages.several_values(str(override.key_or_group)))
-            ConfigLoaderImpl._apply_overrides_to_config(parsed, composed)
+                    raise ConfigError(messages.several_values(override.key_or_group))
+                OmegaConf.update(composed, override.key_or_group, override.value())
             return typed(composed)
 
     def launching(self, overrides: Sequence[str]) -> tuple[str, dict[str, Any], str]:
         """Return the option of hydra/launcher, its keys, and hydra.sweep.dir, which is empty unless the user sets it."""
         from omegaconf import OmegaConf
 
-        with _one_line_errors(overrides):
+        with _one_line_errors():
             settings = self._read(quoted(overrides)).hydra
             keys = cast(dict[str, Any], OmegaConf.to_container(settings.launcher, resolve=True))
             return settings.runtime.choices["hydra/launcher"], keys, str(settings.sweep.dir)
@@ -136,7 +133,7 @@ def _with_plugins(read: Callable[[], DictConfig]) -> DictConfig:
 
 def parse_overrides(overrides: Sequence[str]) -> list[Override]:
     """Parse command-line overrides with Hydra's grammar. Raises ConfigError for an override that cannot be parsed."""
-    with _one_line_errors(overrides):
+    with _one_line_errors():
         return _parse(quoted(overrides))
 
 
@@ -146,11 +143,15 @@ def combinations(overrides: Sequence[str]) -> list[list[str]]:
     Raises:
         ConfigError: Hydra's grammar cannot parse an override.
     """
-    from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
-
-    with _one_line_errors(overrides):
-        batches = BasicSweeper.split_arguments(_parse(quoted(overrides)), max_batch_size=None)
-        return [list(job) for batch in batches for job in batch]
+    choices: dict[str, list[str]] = {}
+    with _one_line_errors():
+        for override in _parse(quoted(overrides)):
+            key = override.get_key_element()
+            if override.is_interval_sweep():
+                raise ConfigError(f"{key}: a sweep needs a list of values; write {key}=1,2,3, or search the interval with --search METRIC")
+            values = override.sweep_string_iterator() if override.is_sweep_override() else [override.get_value_element_as_str()]
+            choices[key] = [f"{key}={value}" for value in values]
+    return [list(job) for job in itertools.product(*choices.values())]
 
 
 def typed(composed: DictConfig) -> Config:
@@ -167,14 +168,9 @@ def typed(composed: DictConfig) -> Config:
 
 
 def quoted(overrides: Sequence[str]) -> list[str]:
-    """Add quotes to option names that Hydra would otherwise read as a boolean or null, such as `true` in materials=true."""
-    literals = [(group, option) for group, options in groups().items() for option in options if option in ("true", "false", "null")]
-    out = list(overrides)
-    for group, option in literals:
-        for i, override in enumerate(out):
-            if override.startswith(f"{group}="):
-                out[i] = re.sub(rf"(?<=[=,]){option}(?=,|$)", f"'{option}'", override)
-    return out
+    """Quote option names that Hydra would read as a boolean, a number or null, such as `true` in materials=true."""
+    literal, known = re.compile(r"(?<=[=,])(true|false|null|[\d.]+)(?=,|$)", re.IGNORECASE), groups()
+    return [literal.sub(r"'\1'", override) if override.lstrip("+").partition("=")[0] in known else override for override in overrides]
 
 
 def refuse_unread(verb: str, overrides: Sequence[str], reads: Sequence[str], set_by: Mapping[str, str] | None = None) -> list[str]:
@@ -238,7 +234,7 @@ def _parse(overrides: Sequence[str]) -> list[Override]:
 
 
 @contextlib.contextmanager
-def _one_line_errors(overrides: Sequence[str] = ()) -> Iterator[None]:
+def _one_line_errors() -> Iterator[None]:
     """Within the `with` block, convert exceptions of Hydra and OmegaConf to a ConfigError with a message of one line."""
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
@@ -247,14 +243,6 @@ def _one_line_errors(overrides: Sequence[str] = ()) -> Iterator[None]:
         yield
     except (HydraException, OmegaConfBaseException) as error:
         raise ConfigError(messages.explain(error)) from error
-    except (ConfigError, plugins.PluginError):
-        raise
-    except ValueError as error:  # Hydra raises ValueError if an override gives a group a number, a boolean or null
-        for override in overrides:
-            group, _, option = override.partition("=")
-            if option not in (options := groups().get(group, [])):
-                raise ConfigError(messages.unknown_option(f"{group}/{option}", options)) from error
-        raise
 
 
 def _refuse_added_keys(node: DictConfig, path: str = "") -> None:

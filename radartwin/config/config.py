@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from radartwin.config.checks import MISSING, unkeyed
+from radartwin.config.checks import MISSING, check_fields, choice, not_negative, unkeyed
 from radartwin.config.materials import (
     MaterialsConfig,
     RandomMaterials,
@@ -48,8 +48,6 @@ from radartwin.config.trajectory import (
 )
 from radartwin.errors import ConfigError
 
-CONTENTS = ("filled", "unknown")
-
 # This table lists the dataclass of each option, for groups whose options have different keys. Hydra's ConfigStore names it schema_OPTION.
 SCHEMAS: dict[str, dict[str, type]] = {
     "scene": {
@@ -87,18 +85,13 @@ class Config:
     profile: ProfileConfig = field(default_factory=ProfileConfig)
     tracking: TrackingConfig = field(default_factory=TrackingConfig, metadata={"unkeyed": True})
     experiment: ExperimentConfig = field(default_factory=ExperimentConfig)
-    contents: str = "filled"  # what the simulation knows of catalogue objects: filled (walls and contents) | unknown (surface only)
-    seed: int = 0
+    contents: str = choice("filled", "unknown")  # known of catalogue objects: filled (walls and contents) | unknown (surface only)
+    seed: int = not_negative(0)
     output: str = unkeyed("outputs")  # root folder of all files that runs write
-    jobs: int = unkeyed(0)  # number of worker processes; 0 starts as many as processor cores and memory allow
+    jobs: int = unkeyed(not_negative(0))  # number of worker processes; 0 starts as many as processor cores and memory allow
 
     def __post_init__(self) -> None:
-        if self.jobs < 0:
-            raise ConfigError(f"jobs={self.jobs} must be 0 or above; 0 starts as many workers as cores and memory allow")
-        if self.seed < 0:
-            raise ConfigError(f"seed={self.seed} must be zero or above")
-        if self.contents not in CONTENTS:
-            raise ConfigError(f"contents={self.contents} is not known; options: {', '.join(CONTENTS)}")
+        check_fields(self)
         campaign, draw = self.profile.campaign, self.measured.draw
         first, last = campaign.first_draw, campaign.first_draw + max(campaign.draws, campaign.rover_draws) - 1
         if draw is not None and not first <= draw <= last:

@@ -5,8 +5,8 @@ A material source gives every surface of the room its material.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar
 
 from radartwin.config.checks import check_fields, check_selector, choice, share
 
@@ -15,6 +15,7 @@ from radartwin.config.checks import check_fields, check_selector, choice, share
 class MaterialsConfig:
     """Settings that every source of surface materials reads."""
 
+    seeded: ClassVar[bool] = False  # whether the source takes the configured seed
     source: str = ""
 
     def __post_init__(self) -> None:
@@ -23,7 +24,8 @@ class MaterialsConfig:
 
     def arguments(self, seed: int) -> dict[str, Any]:
         """Return the arguments with which `radartwin.label.sources.material_source` makes this source, except the source's name."""
-        return {}
+        own = {entry.name: getattr(self, entry.name) for entry in fields(self) if entry.name not in ("source", "code")}
+        return own | ({"seed": seed} if self.seeded else {})
 
 
 @dataclass
@@ -32,9 +34,6 @@ class UniformMaterials(MaterialsConfig):
 
     source: str = "uniform"
     material: str = "plasterboard"
-
-    def arguments(self, seed: int) -> dict[str, Any]:
-        return {"material": self.material}
 
 
 @dataclass
@@ -45,20 +44,15 @@ class VlmMaterials(MaterialsConfig):
     missing: str | None = None  # material of surfaces without a recorded answer; null makes a surface without an answer an error
     model: str | None = None  # model whose recorded answers are used; null: all models
 
-    def arguments(self, seed: int) -> dict[str, Any]:
-        return {"missing": self.missing, "model": self.model}
-
 
 @dataclass
 class RandomMaterials(MaterialsConfig):
     """The source that gives the true materials, but replaces a share of the material labels by wrong labels."""
 
+    seeded = True
     source: str = "random"
     p: float = share(0.5)  # probability that a surface gets a wrong material label, 0 to 1
     among: str = choice("room", "all")  # wrong labels come from the material categories of the room | from all MINC categories
-
-    def arguments(self, seed: int) -> dict[str, Any]:
-        return {"p": self.p, "among": self.among, "seed": seed}
 
 
 @dataclass

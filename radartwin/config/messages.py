@@ -35,7 +35,7 @@ def explain(error: BaseException) -> str:
             return f"{cause.full_key}: {_first_line(cause)}"
     if match := re.match(r"Could not override '([^']+)'", str(error)):
         return unknown_key(match.group(1), Config)
-    if match := re.match(r"Ambiguous value for argument '([^']+)'", str(error)):
+    if match := re.match(r"Ambiguous value for argument '(.+)'", str(error)):
         return several_values(match.group(1))
     return _first_line(error)
 

@@ -1,9 +1,8 @@
 """Make configuration options of plug-ins: `simulator=NAME`, `materials=NAME`, `features=NAME` and `experiment=NAME`.
 
 A plug-in needs no configuration file. The option's keys are the fields of the plug-in's dataclass, with their types and defaults. The field
-`code` holds the digest of the plug-in's source code, so that stored results are computed again when this code changes. Worker processes
-unpickle a configuration by the names of its classes. In a worker process, `__getattr__` of this module therefore makes the class of the
-plug-in again.
+`code` holds the digest of the plug-in's source code, so that stored results are computed again when this code changes. A worker process
+makes the dataclass of a plug-in again when it unpickles a configuration.
 """
 
 from __future__ import annotations
@@ -52,15 +51,10 @@ class PluginMaterials(MaterialsConfig):
     """Base of the options of material sources in other packages. A field `seed` of the source takes the configured seed."""
 
     code: str = ""
-    seeded: typing.ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
         _check_code(self, "materials")
-
-    def arguments(self, seed: int) -> dict[str, Any]:
-        own = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name not in ("source", "code")}
-        return own | ({"seed": seed} if self.seeded else {})
 
 
 def register(config_file: str) -> bool:
@@ -128,12 +122,19 @@ def _schema(plugin: Plugin) -> type:
         if field.name in inherited:
             raise plugins.refusal(plugin, f"the setting '{field.name}' has the name of a key that every option has")
         own.append((field.name, _typed(plugin, field.name, hints[field.name]), _default(plugin, field)))
-    made = dataclasses.make_dataclass(
-        _class_name(plugin), [*own, (selector, str, plugin.name), ("code", str, code_of(plugin))], bases=(base,),
-        namespace={"__module__": __name__, "__doc__": f"The option of {plugin}.", "seeded": "seed" in hints},
-    )  # fmt: skip
+    own += [(selector, str, plugin.name), ("code", str, code_of(plugin))]
+    namespace = {"__doc__": f"The option of {plugin}.", "seeded": "seed" in hints, "__reduce__": functools.partialmethod(_pickled, plugin)}
+    made = dataclasses.make_dataclass(f"Plugged_{plugin.name}", own, bases=(base,), namespace=namespace)
     made.__module__ = __name__
     return made
+
+
+def _pickled(config: Any, plugin: Plugin) -> tuple[Any, ...]:
+    return _unpickled, (plugin, dataclasses.asdict(config))
+
+
+def _unpickled(plugin: Plugin, values: Mapping[str, Any]) -> Any:
+    return _schema(plugin)(**values)
 
 
 def _typed(plugin: Plugin, name: str, hint: Any) -> Any:
@@ -171,16 +172,3 @@ def _experiment(plugin: Plugin) -> dict[str, Any]:
         raise plugins.refusal(plugin, "OVERRIDES must map names of groups to names of options")
     defaults = [{f"override /{group}": option} for group, option in overrides.items()]
     return {"defaults": [*defaults, "_self_"], "experiment": {"name": plugin.name, "module": plugin.module}}
-
-
-def _class_name(plugin: Plugin) -> str:
-    return f"{plugin.group.removeprefix('radartwin.')}_{plugin.name}"
-
-
-def __getattr__(name: str) -> Any:
-    group, _, option = name.partition("_")
-    entry_points = f"radartwin.{group}"
-    plugin = plugins.find(entry_points, option) if entry_points in (SIMULATORS, MATERIALS) else None
-    if plugin is None:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return _schema(plugin)

@@ -90,12 +90,11 @@ class MeasuredConfig:
 
     provider: str = "testbed"
     gap: GapConfig = field(default_factory=GapConfig)
-    draw: int | None = None  # number of one draw of the virtual campaign, from 0; null stands for all draws of the profile
+    draw: int | None = not_negative(None)  # number of one draw of the virtual campaign, from 0; null stands for all draws of the profile
 
     def __post_init__(self) -> None:
         check_selector("measured.provider", self.provider, type(self).provider)
-        if self.draw is not None and self.draw < 0:
-            raise ConfigError(f"measured.draw={self.draw} must be zero or above, or null for all draws")
+        check_fields(self, "measured")
 
 
 @dataclass
@@ -213,7 +212,7 @@ class CampaignConfig:
     frames_per_turn: int = positive(24)  # the rotation features need 13 frames, but 13 frames rank the objects differently from 24
     draws: int = positive(3)  # number of draws of turntable and rail (objects, room, radar and courses are drawn anew for each)
     rover_draws: int = positive(1)  # number of draws of the rover's drives
-    first_draw: int = 0  # number of the first of these draws
+    first_draw: int = not_negative(0)  # number of the first of these draws
     turns: int = positive(2)  # number of turntable revolutions in a measured recording; a simulated recording has one revolution
     reflector_repeats: int = positive(1)  # number of measured recordings of the corner reflector, which is placed anew for each
     rail_objects: list[str] = field(default_factory=lambda: ["corner_reflector"])
@@ -229,8 +228,6 @@ class CampaignConfig:
 
     def __post_init__(self) -> None:
         check_fields(self, self.OPTION)
-        if self.first_draw < 0:
-            raise ConfigError(f"{self.OPTION}.first_draw={self.first_draw} must be zero or above")
         for room in self.rover_rooms:
             if room not in ROOMS:
                 raise ConfigError(f"{self.OPTION}.rover_rooms={room} is not known; options: {', '.join(ROOMS)}")

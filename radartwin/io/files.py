@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-from filelock import FileLock, Timeout
+from filelock import BaseFileLock, FileLock, Timeout
 
 from radartwin.errors import InputError, OutputError, UserError
 from radartwin.io.git_lfs import refuse_pointer
@@ -239,19 +239,12 @@ def lock(path: Path, waiting: Callable[[], None] | None = None) -> Iterator[None
     Raises:
         OutputError: the lock file cannot be created or opened.
     """
-    holder = FileLock(path)
-    while not holder.is_locked:
-        make_folder(path.parent)
-        try:
-            holder.acquire(blocking=waiting is None)
-        except Timeout:
-            if waiting:
-                waiting()
-            waiting = None
-        except FileNotFoundError:  # another process has removed the folder
-            continue
-        except OSError as error:
-            raise _cannot_lock(path, error) from error
+    make_folder(path.parent)
+    holder = _acquired(path, waiting is None)
+    if waiting is not None and holder is None:
+        waiting()
+        holder = _acquired(path)
+    assert holder is not None
     try:
         yield
     finally:
@@ -265,19 +258,22 @@ def drop_stale(path: Path) -> None:
     Raises:
         OutputError: the lock file cannot be opened or removed.
     """
-    if not os.path.lexists(path):
-        return
+    if os.path.lexists(path) and (holder := _acquired(path, blocking=False)):
+        path.unlink(missing_ok=True)
+        holder.release()
+
+
+def _acquired(path: Path, blocking: bool = True) -> BaseFileLock | None:
+    """Return the held lock of a file. Without `blocking`, return None if another process holds the lock."""
+    holder = FileLock(path)
     try:
-        with FileLock(path).acquire(blocking=False):
-            path.unlink(missing_ok=True)
+        holder.acquire(blocking=blocking)
     except Timeout:
-        return
+        return None
     except OSError as error:
-        raise _cannot_lock(path, error) from error
-
-
-def _cannot_lock(path: Path, error: OSError) -> OutputError:
-    return OutputError(f"{path}: this lock file cannot be used ({error.strerror}); remove the file or choose another place for the output")
+        remedy = "remove the file or choose another place for the output"
+        raise OutputError(f"{path}: this lock file cannot be used ({error.strerror}); {remedy}") from error
+    return holder
 
 
 def sweep(folder: Path) -> None:

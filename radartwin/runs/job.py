@@ -79,7 +79,7 @@ class Job:
     """One job of a sweep. A launcher may send it to another process or machine.
 
     Attributes:
-        folder: folder of the job's files.
+        folder: folder of the job's files, which the job's number names.
     """
 
     overrides: Sequence[str]
@@ -89,6 +89,13 @@ class Job:
     @property
     def name(self) -> str:
         return job_name(self.overrides)
+
+    def lost(self, reason: str, *logs: Path) -> Outcome:
+        """Note that the job has failed without an outcome of its own. The first log file with text is named in the outcome."""
+        written = (str(log) for log in (self.folder / LOG, *logs) if log.exists() and log.stat().st_size)
+        outcome = Outcome(self.name, FAILED, reason, log=next(written, ""))
+        outcome.write(self.folder)
+        return outcome
 
 
 def run(job: Job) -> Outcome:

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from radartwin.compiled import cores
 from radartwin.errors import ConfigError
 from radartwin.io.process_pool import BrokenProcessPool, ProcessPool
-from radartwin.runs.job import FAILED, LOG, Job, Outcome, run
+from radartwin.runs.job import Job, Outcome, run
 
-KILLED = "its process was killed twice (memory ran out, or another program ended it)"
+KILLED = "its process was killed (memory ran out, or another program ended it); the same command runs it again"
 
 
 @dataclass(frozen=True)
@@ -42,50 +42,35 @@ class Parallel:
             raise ConfigError("hydra.launcher.n_jobs=0 must be above zero, or -1 for all processor cores")
 
     def run(self, jobs: Sequence[Job], ended: Callable[[Job, Outcome], None]) -> None:
-        """Run the jobs, and call `ended` for each job as soon as it has ended. A job whose process is killed runs again alone at the end,
-        when more memory is free. A second kill is its failure.
+        """Run the jobs, and call `ended` for each job as soon as it has ended. A job whose process is killed has failed.
+
+        Each process belongs to a pool of its own, because the kill of a worker ends all workers of its pool.
         """
-        count = self.n_jobs if self.n_jobs > 0 else max(1, cores() + 1 + self.n_jobs)
-        for job in _killed(jobs, count, ended):
-            if _killed([job], 1, ended):
-                log = job.folder / LOG
-                outcome = Outcome(job.name, FAILED, KILLED, log=str(log) if log.exists() else "")
-                outcome.write(job.folder)
-                ended(job, outcome)
+        count = min(len(jobs), self.n_jobs if self.n_jobs > 0 else max(1, cores() + 1 + self.n_jobs))
+        pools = [ProcessPool(1, beside=count, nested=True) for _ in range(count)]
+        waiting, running = iter(jobs), dict[Future[Outcome], tuple[int, Job]]()
 
+        def submit(slot: int) -> None:
+            if job := next(waiting, None):
+                running[pools[slot].submit(run, job)] = slot, job
 
-def _killed(jobs: Sequence[Job], count: int, ended: Callable[[Job, Outcome], None]) -> list[Job]:
-    """Run the jobs in `count` processes, and return the jobs whose process was killed.
-
-    Each process belongs to a pool of its own, because the kill of a worker ends all workers of its pool.
-    """
-    count = min(count, len(jobs))
-    pools = [ProcessPool(1, beside=count, nested=True) for _ in range(count)]
-    waiting, killed, running = list(reversed(jobs)), list[Job](), dict[Future, tuple[int, Job]]()
-
-    def submit(slot: int) -> None:
-        if waiting:
-            job = waiting.pop()
-            running[pools[slot].submit(run, job)] = slot, job
-
-    try:
-        for slot in range(count):
-            submit(slot)
-        while running:
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                slot, job = running.pop(future)
-                try:
-                    ended(job, future.result())
-                except BrokenProcessPool:
-                    killed.append(job)
-                    pools[slot].end()
-                    pools[slot] = ProcessPool(1, beside=count, nested=True)
+        try:
+            for slot in range(count):
                 submit(slot)
-    finally:
-        if pools:
+            while running:
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    slot, job = running.pop(future)
+                    try:
+                        outcome = future.result()
+                    except BrokenProcessPool:
+                        outcome = job.lost(KILLED)
+                        pools[slot].end()
+                        pools[slot] = ProcessPool(1, beside=count, nested=True)
+                    ended(job, outcome)
+                    submit(slot)
+        finally:
             with ThreadPoolExecutor(count) as threads:  # each worker has some seconds for its clean-up
                 list(threads.map(ProcessPool.end, pools))
-    return killed
 
 
 def status_line(outcome: Outcome) -> str:

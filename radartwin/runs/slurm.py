@@ -18,7 +18,7 @@ from typing import Any
 
 from radartwin.errors import BackendError, ConfigError
 from radartwin.io.one_line import one_line, plural
-from radartwin.runs.job import FAILED, LOG, Job, Outcome, run
+from radartwin.runs.job import Job, Outcome, run
 
 POLL_S = 5.0  # seconds between two looks at the queue, unless RADARTWIN_SLURM_POLL gives another number
 GRACE = 4  # looks at the queue until a job that left it without outcome.json has failed; files of other nodes appear with a delay
@@ -73,9 +73,7 @@ def _wait(jobs: dict[str, Job], poll_s: float, logs: Path, ended: Callable[[Job,
                 gone_since.pop(number, None)
             elif time.monotonic() - gone_since.setdefault(number, time.monotonic()) >= GRACE * poll_s:
                 reason = f"SLURM job {number} ended {state or 'and left the queue'} without a result"
-                written = (job.folder / LOG, Path(str(logs).replace("%j", number)) / f"{number}_0_log.err")
-                log = next((str(path) for path in written if path.exists() and path.stat().st_size), "")
-                Outcome(job.name, FAILED, reason, log=log).write(job.folder)
+                job.lost(reason, Path(str(logs).replace("%j", number)) / f"{number}_0_log.err")
         if jobs:
             time.sleep(poll_s)
 

@@ -23,12 +23,11 @@ from radartwin.config.compose import Composer, combinations
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError, UserError
 from radartwin.io import files, untrusted_json
-from radartwin.io.progress import Progress
 from radartwin.runs.checkout import commit
 from radartwin.runs.experiment import load, module_name
-from radartwin.runs.job import CACHED, FAILED, OUTCOME, REFUSED, STARTED, STATUSES, UNFINISHED, Job, Outcome, job_name
+from radartwin.runs.job import FAILED, OUTCOME, REFUSED, STARTED, STATUSES, UNFINISHED, Job, Outcome, job_name, run
 from radartwin.runs.launchers import Parallel, Serial, status_line
-from radartwin.runs.run import extend_path, finished, naming, run_experiment
+from radartwin.runs.run import extend_path, finished, naming
 from radartwin.runs.slurm import Slurm
 from radartwin.runs.tracking import Tracker
 from radartwin.store.clean import CACHE
@@ -114,20 +113,18 @@ class Sweep:
         """
         self._total = total or len(jobs)
         self._jobs |= {number: overrides for number, (overrides, _) in jobs.items()}
-        waiting: dict[Path, int] = {}
         prepared: list[Job] = []
         for number, (overrides, config) in jobs.items():
             folder = files.make_folder(self.folder / str(number))
             for name in (OUTCOME, STARTED):
                 (folder / name).unlink(missing_ok=True)
-            if outcome := _cached(config, overrides):
-                self._ended(number, outcome)
+            job = Job(overrides, replace(config, tracking=replace(config.tracking, parent_run_id=self._parent)), folder)
+            if _finished(config):
+                self._ended(number, run(job))
             else:
-                tracked = replace(config, tracking=replace(config.tracking, parent_run_id=self._parent))
-                waiting[folder] = number
-                prepared.append(Job(overrides, tracked, folder))
+                prepared.append(job)
         if prepared:
-            self._launcher.run(prepared, lambda job, outcome: self._ended(waiting[job.folder], outcome))
+            self._launcher.run(prepared, lambda job, outcome: self._ended(int(job.folder.name), outcome))
 
     def _ended(self, number: int, outcome: Outcome) -> None:
         self.outcomes[number] = outcome
@@ -197,15 +194,9 @@ def composed(jobs: Sequence[list[str]], composer: Composer) -> list[Config]:
     return configs
 
 
-def _cached(config: Config, overrides: Sequence[str]) -> Outcome | None:
-    """Return how a job ended if an earlier run finished it; None if the job has to run."""
-    started = time.monotonic()
+def _finished(config: Config) -> bool:
+    """Return whether an earlier run finished a job. A job with wrong input is not finished; it reports its error when it runs."""
     try:
-        if not finished(config):
-            return None
-        result, counts = run_experiment(config, overrides, Progress(quiet=True))
-    except UserError:  # the job raises the same error again when it runs, and reports it
-        return None
-    return Outcome(
-        job_name(overrides), CACHED, str(counts), result.run_key, round(time.monotonic() - started, 3), metrics=dict(result.metrics)
-    )
+        return finished(config)
+    except UserError:
+        return False

@@ -11,20 +11,19 @@ import io
 import os
 import threading
 import warnings
-from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+from cachetools import LRUCache
 
 from radartwin.errors import OutputError
 from radartwin.io import files
 
 T = TypeVar("T")
 Arrays = Mapping[str, np.ndarray]
-IN_MEMORY = 64  # largest number of entries held in memory
-IN_MEMORY_BYTES = 500_000_000  # largest size of the entries held in memory together; the newest entry is held even if it is larger
+IN_MEMORY_BYTES = 500_000_000  # largest size of the entries held in memory together
 MAX_BYTES = 4_000_000_000  # size limit of a cache folder
 _SUFFIX = ".npz"
 
@@ -34,7 +33,7 @@ class ArrayCache:
 
     Args:
         folder: folder in which entries remain after this process ends; None keeps entries in memory only.
-        in_memory: largest number of entries that are held in memory.
+        in_memory_bytes: size limit of the entries in memory, in bytes.
         max_bytes: size limit of the folder in bytes.
     Raises:
         OutputError: the folder cannot be created or written.
@@ -45,12 +44,10 @@ class ArrayCache:
     3.0
     """
 
-    def __init__(self, folder: str | Path | None = None, *, in_memory: int = IN_MEMORY, max_bytes: int = MAX_BYTES) -> None:
+    def __init__(self, folder: str | Path | None = None, *, in_memory_bytes: int = IN_MEMORY_BYTES, max_bytes: int = MAX_BYTES) -> None:
         self.folder = None if folder is None else files.make_folder(Path(folder).absolute())
         self._max_bytes = max_bytes
-        self._in_memory = in_memory
-        self._recent: OrderedDict[str, Arrays] = OrderedDict()
-        self._recent_bytes = 0
+        self._recent = LRUCache(in_memory_bytes, getsizeof=_bytes)
         self._lock = threading.RLock()
         if self.folder is not None:
             files.sweep(self.folder)
@@ -64,7 +61,6 @@ class ArrayCache:
         """
         with self._lock:
             if key in self._recent:
-                self._recent.move_to_end(key)
                 return read(self._recent[key])
             if self.folder is None:
                 return None
@@ -104,11 +100,8 @@ class ArrayCache:
             self._evict(target)
 
     def _remember(self, key: str, arrays: Arrays) -> None:
-        self._recent_bytes += _bytes(arrays) - _bytes(self._recent.get(key, {}))
-        self._recent[key] = arrays
-        self._recent.move_to_end(key)
-        while len(self._recent) > self._in_memory or (self._recent_bytes > IN_MEMORY_BYTES and len(self._recent) > 1):
-            self._recent_bytes -= _bytes(self._recent.popitem(last=False)[1])
+        with contextlib.suppress(ValueError):  # the arrays alone are larger than the limit
+            self._recent[key] = arrays
 
     def _evict(self, newest: Path) -> None:
         """Remove the least recently used entries until the folder is within its size limit. Several processes may do so
@@ -129,7 +122,7 @@ class ArrayCache:
                 total -= size
 
 
-def _bytes(arrays: Arrays) -> int:
+def _bytes(arrays: Any) -> int:
     return sum(array.nbytes for array in arrays.values())
 
 

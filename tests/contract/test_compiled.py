@@ -4,10 +4,10 @@ function once.
 
 import multiprocessing
 import os
+import shutil
 import subprocess
 import sys
 import warnings
-from pathlib import Path
 
 import pytest
 
@@ -112,9 +112,9 @@ def test_a_change_in_another_file_compiles_its_callers_again(tmp_path):
     """Numba itself looks only at the file of the caller, so that the old function would stay in its machine code."""
     package = tmp_path / "radartwin"
     package.mkdir()
-    source = Path(compiled_module.__file__)
     (package / "__init__.py").touch()
-    (package / "compiled.py").write_text(source.read_text(encoding="utf-8"), encoding="utf-8")
+    for source in (compiled_module.__file__, compiled_module.sources.__file__):
+        shutil.copy(str(source), package)
     (package / "caller.py").write_text(CALLER)
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
     code = "from radartwin.caller import caller; print(caller(1.0), sum(caller.stats.cache_hits.values()))"

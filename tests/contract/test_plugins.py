@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radartwin import plugins
+from radartwin import plugins, sources
 from radartwin.config import plugged
 from radartwin.config.compose import compose
 from radartwin.config.config import SCHEMAS
@@ -61,7 +61,7 @@ def clear() -> None:
     plugins._loaded.cache_clear()
     plugins._installed.cache_clear()
     plugged._schema.cache_clear()
-    digest._tops.difference_update({"radartwin_example", "other_package"})
+    sources._tops.difference_update({"radartwin_example", "other_package"})
     digest.forget()
 
 

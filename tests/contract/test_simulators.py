@@ -18,7 +18,8 @@ from radartwin.errors import ConfigError, InputError
 from radartwin.scene import objects
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.backends.backend import SIMULATORS, backend
-from radartwin.store.digest import import_closure, semantic, spec_digest
+from radartwin.sources import closure
+from radartwin.store.digest import semantic, spec_digest
 
 # The simulator warns of paths that Sionna cannot find; tests/contract/test_sionna.py tests the warnings.
 pytestmark = pytest.mark.filterwarnings("ignore:sionna:UserWarning")
@@ -315,7 +316,7 @@ def test_run_key_depends_on_the_simulator_and_its_settings():
 
 @pytest.mark.parametrize("stage", ["experiments.turntable.environment", "experiments.campaign.twin"])
 def test_run_key_depends_on_the_source_of_every_simulator(stage):
-    assert {type(backend(name)).__module__ for name in SIMULATORS} <= import_closure((stage,))
+    assert {type(backend(name)).__module__ for name in SIMULATORS} <= closure((stage,))
 
 
 @pytest.mark.parametrize("name", SIMULATORS)

@@ -27,6 +27,7 @@ MISTAKES = {
     "no experiment": (["run"], "experiment=NAME"),
     "unknown experiment": (["run", "experiment=environmnt"], "did you mean environment"),
     "unknown value in a sweep": (["run", "experiment=environment", "-m", "scene=lab,labb"], "scene=labb"),
+    "interval in a sweep": (["run", "experiment=environment", "-m", INTERVAL], "search the interval with --search"),
     "unknown table": (["tables", "--only", "nonsense"], "nonsense"),
     "report without tables": (["report"], "run radartwin tables first"),
     "search without an interval": ([*SEARCH, "seed=1"], "interval"),
@@ -41,6 +42,8 @@ MISTAKES = {
     "address without a server": (["label", "scene", "--url", "http://127.0.0.1:9/v1"], "--url applies only to --provider server"),
     "provider of exported questions": (["label", "scene", "--export", "q", "--provider", "server"], "leave --provider out"),
     "dashboard of an absent folder": (["dashboard", "--output", "nowhere"], "nowhere"),
+    "dashboard of a folder without runs": (["dashboard", "--output", "."], "no run is tracked in this folder"),
+    "absent folder to clean": (["clean", "--cache", "--output", "none"], "none: no such folder; give the output folder of a run"),
     "configuration of a sweep": (["run", "experiment=environment", "-m", "--cfg", "job"], "leave -m out"),
     "port above 65535": (["dashboard", "--port", "70000"], "70000"),
     "port that is no number": (["dashboard", "--port", "http"], "http"),
@@ -86,7 +89,7 @@ MISTAKES = {
 def test_mistake_is_one_line_and_status_2(arguments: list[str], word: str, inside, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     done = inside(*arguments)
-    assert done.returncode == 2
+    assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.count("\n") == 1
     assert done.stderr.startswith("radartwin")
     assert word in done.stderr

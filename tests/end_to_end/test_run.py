@@ -142,15 +142,6 @@ def test_a_signal_ends_a_run_and_its_workers_as_ctrl_c_does(own: list[str], here
     assert query(here, "SELECT DISTINCT status FROM runs") == [("KILLED",)]
 
 
-def test_a_sweep_with_a_wrong_value_starts_no_job(inside, own: list[str], here: Path) -> None:
-    swept = inside(*own, "-m", "materials=uniform,steel")
-    assert swept.returncode == 2
-    assert swept.stdout == ""
-    assert len(swept.stderr.splitlines()) == 1
-    assert "materials=steel" in swept.stderr
-    assert not (here / OUTPUT).exists()
-
-
 def test_a_sweep_writes_no_secret_of_the_environment(inside, own: list[str], here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("RADARTWIN_VLM_KEY", "MLFLOW_TRACKING_USERNAME", "MLFLOW_TRACKING_PASSWORD"):
         monkeypatch.setenv(name, SECRET)

@@ -16,7 +16,7 @@ from radartwin.config.compose import compose
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import check_rows
-from radartwin.store.digest import import_closure
+from radartwin.sources import closure
 from radartwin.store.products import Store
 
 CONFIG = compose(["experiment=sensitivity", "profile.resamples=50"])
@@ -62,8 +62,8 @@ def test_random_recordings_differ_by_the_root_of_two() -> None:
 
 
 def test_run_key_contains_the_fidelity_tables(tmp_path) -> None:
-    closure = set(import_closure(("experiments.complexity.sensitivity",)))
-    assert {module.__name__ for module in FIDELITY} <= closure
+    reached = set(closure(("experiments.complexity.sensitivity",)))
+    assert {module.__name__ for module in FIDELITY} <= reached
     assert set(sensitivity.identity()["tables"]) == {module.__name__.split(".")[-1] for module in FIDELITY}
     with pytest.raises(ConfigError, match="materials=void is one of the settings"):
         sensitivity.run(compose(["experiment=sensitivity", "materials=void"]), Store(tmp_path), Progress(quiet=True))

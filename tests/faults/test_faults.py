@@ -66,7 +66,7 @@ def test_a_job_whose_worker_is_killed_fails_alone_with_a_message(study: Study) -
     code, said, complained = study.run(*joblib)
     assert code == 1, complained
     assert "sweep: 3 done, 0 cached, 1 failed" in said
-    assert "its process was killed twice (memory ran out, or another program ended it)" in said
+    assert "its process was killed (memory ran out, or another program ended it)" in said
     (study.folder / "KILL_1").unlink()
     code, said, complained = study.run(*joblib)
     assert code == 0, complained

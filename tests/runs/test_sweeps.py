@@ -145,15 +145,6 @@ def test_a_signal_gives_the_status_that_shells_expect(number: signal.Signals, ow
     assert run.returncode == 128 + number, complained
 
 
-def test_a_dashboard_of_a_folder_without_runs_is_refused(inside, tmp_path: Path) -> None:
-    (tmp_path / "empty").mkdir()
-    for folder in ("absent", "empty"):
-        done = inside("dashboard", "--output", tmp_path / folder)
-        assert done.returncode == 2
-        assert folder in done.stderr
-    assert [path.name for path in tmp_path.rglob("*")] == ["empty"]
-
-
 def test_a_copied_output_folder_keeps_its_artifacts_to_itself(tmp_path: Path) -> None:
     def track(output: Path, key: str) -> None:
         note = tmp_path / "note.txt"

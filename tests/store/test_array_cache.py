@@ -17,6 +17,9 @@ def arrays(count=50, seed=0):
     return {"pose": rng.integers(0, 3, count), "amplitude": rng.normal(size=(count, 2)) * (1 + 1j), "parts": np.array(2)}
 
 
+SIZE = sum(array.nbytes for array in arrays().values())
+
+
 def same(some, others):
     assert some is not None
     assert sorted(some) == sorted(others)
@@ -35,27 +38,16 @@ def test_arrays_come_back_from_memory_and_from_another_process_folder(tmp_path):
 
 
 def test_memory_loses_the_least_recently_used_entry():
-    cache = ArrayCache(in_memory=2)
-    for name in ("a", "b"):
+    cache = ArrayCache(in_memory_bytes=int(2.5 * SIZE))
+    for name in ("a", "a", "b"):  # an entry that is stored again counts once
         cache.put(name, arrays())
     assert cache.get("a", dict) is not None
     cache.put("c", arrays())
     assert cache.get("b", dict) is None
     assert cache.get("a", dict) is not None
     assert cache.get("c", dict) is not None
-
-
-def test_memory_counts_the_bytes_of_the_entries_that_it_holds(monkeypatch):
-    size = sum(array.nbytes for array in arrays().values())
-    monkeypatch.setattr(array_cache, "IN_MEMORY_BYTES", 2.5 * size)
-    cache = ArrayCache()
-    for name in ("a", "a", "a", "b"):  # an entry that is stored again counts once
-        cache.put(name, arrays())
-    assert cache.get("a", dict) is not None
-    cache.put("c", arrays())
-    assert [cache.get(name, dict) is None for name in "abc"] == [False, True, False]
-    cache.put("d", arrays())
-    assert [cache.get(name, dict) is None for name in "acd"] == [True, False, False]
+    cache.put("huge", arrays(5000))
+    assert cache.get("huge", dict) is None
 
 
 @pytest.mark.parametrize("damage", ["cut", "emptied", "flipped", "foreign", "refused"])
@@ -81,7 +73,7 @@ def test_the_folder_stays_within_its_limit_and_loses_the_least_recently_used_ent
     ArrayCache(tmp_path).put("size", arrays())
     size = (tmp_path / "size.npz").stat().st_size
     (tmp_path / "size.npz").unlink()
-    cache = ArrayCache(tmp_path, in_memory=0, max_bytes=int(3.5 * size))
+    cache = ArrayCache(tmp_path, in_memory_bytes=0, max_bytes=int(3.5 * size))
     for age, name in enumerate("abc"):
         cache.put(name, arrays())
         os.utime(tmp_path / f"{name}.npz", (1000 + age, 1000 + age))
@@ -99,7 +91,7 @@ sys.path.insert(0, sys.argv[2])
 from test_array_cache import ArrayCache, arrays, same
 warnings.simplefilter("error")
 rng = np.random.default_rng(int(sys.argv[3]))
-cache = ArrayCache(sys.argv[1], in_memory=0, max_bytes=10_000)
+cache = ArrayCache(sys.argv[1], in_memory_bytes=0, max_bytes=10_000)
 for _ in range(60):
     seed = int(rng.integers(6))
     found = cache.get(str(seed), dict)

@@ -17,7 +17,8 @@ from radartwin.config.study import GapConfig
 from radartwin.io.progress import Progress
 from radartwin.radar.antenna_errors import AntennaErrors
 from radartwin.radar.dca1000 import frame_shape
-from radartwin.store.digest import import_closure, spec_digest
+from radartwin.sources import closure
+from radartwin.store.digest import spec_digest
 from radartwin.store.products import Product
 
 TRUTHS = ("materials", "roughness", "contents", "clutter", "antenna", "hardware", "trajectory", "placement", "solver")
@@ -27,12 +28,12 @@ CASE = Case("corner_reflector", "lab", "turntable", 1.0)
 @pytest.mark.parametrize("module", ["testbed", "variation", "motion_errors", "fixtures", "unscanned"])
 def test_testbed_imports_no_scan_label_or_settings(module):
     forbidden = ("radartwin.label", "radartwin.reconstruct", "radartwin.config", "radartwin.builders")
-    assert not [name for name in import_closure((f"radartwin.testbed.{module}",)) if name.startswith(forbidden)]
+    assert not [name for name in closure((f"radartwin.testbed.{module}",)) if name.startswith(forbidden)]
 
 
 def test_truth_and_twin_of_a_campaign_do_not_import_each_other():
-    assert not import_closure(("experiments.campaign.truth",)) & {"experiments.campaign.twin", "experiments.scans.virtual_scan"}
-    assert not import_closure(("experiments.campaign.twin",)) & {"experiments.campaign.truth", "radartwin.testbed.testbed"}
+    assert not closure(("experiments.campaign.truth",)) & {"experiments.campaign.twin", "experiments.scans.virtual_scan"}
+    assert not closure(("experiments.campaign.twin",)) & {"experiments.campaign.truth", "radartwin.testbed.testbed"}
 
 
 class Store:
