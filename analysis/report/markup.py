@@ -16,8 +16,6 @@ from analysis.pages import paper_tables
 from analysis.registry import TESTBED_NOTE
 from analysis.report import claims
 from analysis.report.content import ABSENT, LINKED, Section
-from analysis.report.gallery import TABLE as GALLERY
-from analysis.report.gallery import Compared
 from analysis.report.origin import Origin, Run
 from analysis.report.rooms import Shown
 from analysis.tables import caption, slug
@@ -25,12 +23,12 @@ from radartwin.io.one_line import plural
 from radartwin.store.products import SHORT
 
 FOLDER = Path(__file__).with_name("page")
-FIRST = ("reality", "speed_accuracy", "stability", GALLERY)  # tables that are shown above the others
+FIRST = ("reality", "speed_accuracy", "stability", "gallery")  # tables that are shown above the others
 OPEN_ROWS = 12  # a table with more rows starts folded, and unfolds in print
 _CAPTION = re.compile(r"<caption>.*?</caption>\n?", re.DOTALL)  # caption from tables.to_html; this page shows it above the figures instead
 
 
-def page(sections: Sequence[Section], compared: Sequence[Compared], shown: Sequence[Shown], origin: Origin, parts: str) -> str:
+def page(sections: Sequence[Section], shown: Sequence[Shown], origin: Origin, parts: str) -> str:
     """Return the HTML of the whole report page. `parts` is the name of the folder that the links of the page point to."""
     by_name = {section.table.name: section for section in sections}
     first = [by_name[name] for name in FIRST if name in by_name]
@@ -44,9 +42,9 @@ def page(sections: Sequence[Section], compared: Sequence[Compared], shown: Seque
         "contents": _contents(first, rest),
         "paper": paper_tables.html(lambda name: pd.DataFrame(by_name[name].rows) if name in by_name else pd.DataFrame()),
         "summary": claims.summary(sections),
-        "first": "\n".join(_section(section, compared, parts, 2) for section in first),
+        "first": "\n".join(_section(section, parts, 2) for section in first),
         "rooms": "\n".join(_room(room, parts) for room in shown),
-        "tables": "\n".join(_section(section, compared, parts, 3) for section in rest),
+        "tables": "\n".join(_section(section, parts, 3) for section in rest),
         "origin": _origin(origin),
     }
     # One pass, so that no placeholder is replaced inside inserted content.
@@ -67,14 +65,13 @@ def _contents(first: Sequence[Section], rest: Sequence[Section]) -> str:
     )
 
 
-def _section(section: Section, compared: Sequence[Compared], parts: str, level: int) -> str:
+def _section(section: Section, parts: str, level: int) -> str:
     name, title = section.table.name, escape(section.table.title)
     head = f'<section id="{name}" class="table" aria-labelledby="{name}-title">\n<h{level} id="{name}-title">{title}</h{level}>\n'
     if section.absent:
         return f"{head}{absent(section)}\n</section>"
     told = f'<p class="caption" id="{name}-caption">{escape(caption(section.table, section.rows))}</p>\n'
-    pages = {one.figure: one.page for one in compared}
-    figures = "\n".join(_figure(section, figure, pages.get(figure, ""), parts) for figure in section.figures)
+    figures = "\n".join(_figure(section, figure, parts) for figure in section.figures)
     return f"{head}{verdicts(section)}{told}{_chart(section, parts)}{figures}\n{_table(section)}{_files(section, parts)}\n</section>"
 
 
@@ -96,21 +93,14 @@ def verdicts(section: Section) -> str:
     return f'<p class="verdicts">{plural(sum(count.values()), "claim")}: {told}; {plural(len(section.rows), "row")}.</p>\n'
 
 
-def _figure(section: Section, name: str, comparison: str, parts: str) -> str:
+def _figure(section: Section, name: str, parts: str) -> str:
     spoken = escape(f"{section.table.title}: {spoken_name(section, name)}")
-    stem, beside = _link(parts, f"figures/{name}"), _link(parts, comparison)
-    live = (
-        f'<iframe class="live" data-fit loading="lazy" sandbox="allow-scripts" src="{beside}" title="{spoken}, with sliders"></iframe>\n'
-        if comparison
-        else ""
-    )
+    stem = _link(parts, f"figures/{name}")
     width, height = section.pixels(name)
-    links = f'<a href="{beside}">sliders on a page of their own</a> · ' if comparison else ""
     return (
-        f'{live}<figure><a href="{stem}.html"><img loading="lazy" decoding="async" src="{stem}.png" alt="{spoken}" '
+        f'<figure><a href="{stem}.png"><img loading="lazy" decoding="async" src="{stem}.png" alt="{spoken}" '
         f'width="{width}" height="{height}"></a>\n'
-        f'<figcaption>{escape(spoken_name(section, name))} · {links}<a href="{stem}.html" data-here>zoom and values</a> · '
-        f'<a href="{stem}.pdf">PDF</a></figcaption></figure>'
+        f'<figcaption>{escape(spoken_name(section, name))} · <a href="{stem}.pdf">PDF</a></figcaption></figure>'
     )
 
 

@@ -113,12 +113,6 @@ for (const link of document.querySelectorAll("a[data-here]")) {
   link.after(button);
 }
 
-// A page in a frame that reports its height gets that height.
-addEventListener("message", event => {
-  const frame = [...document.querySelectorAll("iframe[data-fit]")].find(one => one.contentWindow === event.source), tall = Number(event.data?.tall);
-  if (frame && tall > 100 && tall < 3000) frame.style.height = `${Math.ceil(tall) + 2}px`;
-});
-
 // A link to a row unfolds its table and shows the row even if a filter hides it.
 function reveal() {
   const row = location.hash.length > 1 && document.getElementById(decodeURIComponent(location.hash.slice(1)));
