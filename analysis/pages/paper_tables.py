@@ -21,7 +21,7 @@ from typing import Any
 
 import pandas as pd
 
-from analysis.pages.filled import RESULTS, ROOT, number
+from analysis.pages.template import ROOT, committed, number
 from experiments.claims import PRIMARY
 from radartwin.io import files, untrusted_yaml
 
@@ -45,11 +45,6 @@ the paper in all other respects.
 def content() -> list[dict[str, Any]]:
     """Return the sections of the page."""
     return untrusted_yaml.load(CONTENT.read_text(encoding="utf-8"))
-
-
-def committed(name: str) -> pd.DataFrame:
-    """Return the rows of a table of docs/results as texts."""
-    return pd.read_csv(RESULTS / f"{name}.csv", dtype=str, keep_default_na=False)
 
 
 def tables(read: Callable[[str], pd.DataFrame] = committed, absent: str = "") -> Iterator[tuple[str, str, pd.DataFrame]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from analysis.pages import paper_tables
-from analysis.pages.filled import ROOT, wrapped
+from analysis.pages.template import ROOT, wrapped
 from radartwin.io import files
 from radartwin.runs.experiment import VERDICTS
 
