@@ -20,7 +20,6 @@ from experiments.complexity import rows as complexity_rows
 from experiments.speed import chart
 from experiments.speed.methods import DEFAULT, OURS, RFGENESIS
 from experiments.stability import stability as stability_table
-from radartwin.io import files
 from radartwin.plotting import style
 
 PAGE, FIGURES = ROOT / "docs" / "choosing.md", ROOT / "docs" / "figures"
@@ -120,14 +119,13 @@ def sweeps(stability: Sequence[Row]) -> list[tuple[Row, list[str]]]:
     ]
 
 
-def write() -> None:
-    """Write the page and its pictures."""
-    files.write_atomically(PAGE, text())
+def draw() -> None:
+    """Write the pictures of the page."""
     drawn: dict[str, Callable[[], Any]] = {
         "speed_accuracy": lambda: chart.chart(read("speed_accuracy"), "profile_error_db"),
         "stability": lambda: stability_table.map_of(read("stability")),
         "complexity": lambda: complexity_rows.chart(read("complexity")),
     }
-    for name, draw in drawn.items():
-        _, pdf = style.save(draw, FIGURES / name)
+    for name, figure in drawn.items():
+        _, pdf = style.save(figure, FIGURES / name)
         pdf.unlink()

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from analysis.pages.template import ROOT, filled
-from radartwin.io import files
 
 PAGE = ROOT / "docs" / "findings.md"
 TEMPLATE = Path(__file__).with_name("findings_template.md")
@@ -14,8 +13,3 @@ TEMPLATE = Path(__file__).with_name("findings_template.md")
 def text() -> str:
     """Return the page as Markdown."""
     return filled(TEMPLATE.read_text(encoding="utf-8"))
-
-
-def write() -> None:
-    """Write the page."""
-    files.write_atomically(PAGE, text())

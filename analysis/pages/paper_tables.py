@@ -23,7 +23,7 @@ import pandas as pd
 
 from analysis.pages.template import ROOT, committed, number
 from experiments.claims import PRIMARY
-from radartwin.io import files, untrusted_yaml
+from radartwin.io import untrusted_yaml
 
 PAGE = ROOT / "docs" / "paper-tables.md"
 CONTENT = Path(__file__).with_suffix(".yaml")
@@ -86,11 +86,6 @@ def html(read: Callable[[str], pd.DataFrame]) -> str:
         lines = table.map(lambda cell: escape(cell).replace("&lt;br&gt;", "<br>")).to_html(index=False, border=0, escape=False)
         parts.append(f'<h3>{escape(title)}</h3>\n<p class="caption">{escape(note)}</p>\n<div class="scroll">{lines}</div>')
     return "\n".join(parts)
-
-
-def write() -> None:
-    """Write the page."""
-    files.write_atomically(PAGE, text())
 
 
 def answer(read: Callable[[str], pd.DataFrame], absent: str, row: Mapping[str, Any]) -> tuple[str, str, str]:

@@ -3,8 +3,7 @@
 - `content` reads rows, claims and figures of each table, or the reason why a table is absent.
 - `origin` reads the versions, machine, seeds, run times and MLflow runs behind the report.
 - `rooms` writes pages that show the rooms in three dimensions.
-- `claims` writes the summary of all claims.
-- `markup` writes the report page as HTML, and escapes all text that enters the page.
+- `markup` fills the template of the report page, which escapes all text that enters the page.
 - `folder` writes the files so that a browser never loads an incomplete report.
 - `page/` holds the HTML template, the style sheet and the scripts.
 """
