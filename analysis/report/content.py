@@ -17,9 +17,9 @@ from radartwin.runs.experiment import JUDGED, LIMITS, SCORE_COLUMNS, VERDICTS, T
 
 MISSING, STALE, FAILED = "not run", "stale", "failed"
 ABSENT = {
-    MISSING: "This table has not been run.",
-    STALE: "The run belongs to an earlier source or configuration, so its results are not shown.",
     FAILED: "The run ended with an error:",
+    STALE: "The run belongs to an earlier source or configuration, so its results are not shown.",
+    MISSING: "This table has not been run.",
 }
 LINKED = tuple(suffix for suffix in FORMATS if suffix != "html")  # without HTML, because the page itself contains it
 _CAPTION = re.compile(r"<caption>.*?</caption>\n?", re.DOTALL)

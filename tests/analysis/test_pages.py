@@ -87,7 +87,7 @@ def test_a_primary_claim_has_the_verdict_of_the_headline():
 
 
 def test_a_report_without_a_table_says_so():
-    page = paper_tables.html(lambda name: paper_tables.committed(name)[:0])
+    page = paper_tables.html(lambda name: paper_tables.committed(name).iloc[:0])
     assert page.count("not made") > 200
     assert "<script" not in page
 
