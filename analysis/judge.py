@@ -14,7 +14,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from analysis.pages.filled import RESULTS
+from analysis.pages.template import RESULTS
 from experiments.claims import SUPPORTED, judge, limit_kept
 from radartwin.runs.experiment import LIMITS, VERDICTS
 

@@ -18,7 +18,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.pages.filled import RESULTS
+from analysis.pages.template import RESULTS
 from radartwin.io.one_line import one_line
 
 NUMBER = re.compile(r"(?<![\w./-])([-+]?\d{1,3}(?:,\d{3})+|[-+]?\d+(?:\.\d+)?)(?![\w-]|\.\d)(\s?%)?")

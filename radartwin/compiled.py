@@ -175,7 +175,7 @@ def gathered(function: Callable[[int, int, int], Sequence[np.ndarray] | None], c
 
 
 class _Threads(threading.local):
-    """Tell whether the current thread belongs to the pool of this process."""
+    """Tell whether calls from the current thread get new threads, as in the threads of the pool of this process."""
 
     pooled = False
 
@@ -186,10 +186,11 @@ _threads = _Threads()
 @functools.cache
 def _pool(threads: int) -> ThreadPoolExecutor:
     """Return a pool of threads of this process, which wait between two calls. A forked process makes its own pool."""
-    return ThreadPoolExecutor(threads, initializer=_mark)
+    return ThreadPoolExecutor(threads, initializer=own_threads)
 
 
-def _mark() -> None:
+def own_threads() -> None:
+    """Give all later calls from the current thread new threads, so that they do not wait for calls from other threads."""
     _threads.pooled = True
 
 
@@ -203,5 +204,5 @@ def _mapped(function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
     if not _threads.pooled:
         yield from _pool(cores()).map(function, items)
         return
-    with ThreadPoolExecutor(min(cores(), len(items)), initializer=_mark) as pool:
+    with ThreadPoolExecutor(min(cores(), len(items)), initializer=own_threads) as pool:
         yield from pool.map(function, items)

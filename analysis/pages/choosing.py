@@ -9,21 +9,21 @@ cp outputs/tables/{speed_accuracy,stability,complexity}.csv docs/results/ && pyt
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from analysis.pages.filled import RESULTS, ROOT, rows_of, wrapped
+import pandas as pd
+
+from analysis.pages.template import RESULTS, ROOT, filled
 from experiments.complexity import rows as complexity_rows
 from experiments.speed import chart
 from experiments.speed.methods import DEFAULT, OURS, RFGENESIS
 from experiments.stability import stability as stability_table
-from radartwin.io import files
 from radartwin.plotting import style
 
 PAGE, FIGURES = ROOT / "docs" / "choosing.md", ROOT / "docs" / "figures"
 TEMPLATE = Path(__file__).with_name("choosing_template.md")
-NAMES = ("speed_accuracy", "stability", "complexity")
 GOALS = (("profile_error_db", 3.0, " dB"), ("profile_error_db", 1.0, " dB"), ("signal_error", 0.1, ""), ("signal_error", 0.03, ""))
 OPTIONS: dict[str, Any] = {
     "default": "simulator=mitsuba",
@@ -38,67 +38,54 @@ OPTIONS: dict[str, Any] = {
     "tubes, ([0-9.]+) million": lambda found: f"simulator.room=tubes simulator.rays={1e6 * float(found[1]):.0f}",
     "room by tubes.*": "simulator.room=tubes",
 }
-Row = Mapping[str, Any]
+Row = dict[str, Any]
 
 
-def read(name: str, folder: Path = RESULTS) -> list[dict[str, Any]]:
-    """Read the rows of a committed CSV table. Numbers become floats and empty cells become None; text columns keep their text."""
-    return [{key: _value(key, text) for key, text in row.items()} for row in rows_of(name, folder)]
+def read(name: str) -> list[Row]:
+    """Read the rows of a committed table with numbers as numbers, and None for empty cells."""
+    table = pd.read_csv(RESULTS / f"{name}.csv", keep_default_na=False, na_values=[""], dtype={"values": str, "fails at": str})
+    return table.astype(object).where(table.notna(), None).to_dict("records")
 
 
-def _value(key: str, text: str) -> Any:
-    if key in ("values", "errors_db", "claim", "family", "fails at", "why", "run_keys"):
-        return text
-    if text in ("True", "False"):
-        return text == "True"
-    try:
-        return float(text) if text else None
-    except ValueError:
-        return text
-
-
-def text(speed: Sequence[Row], stability: Sequence[Row], complexity: Sequence[Row]) -> str:
-    """Return the page docs/choosing.md as Markdown: the template, filled from the rows of the three tables named in the arguments."""
-    measured = [row for row in speed if not row["claim"] and row["profile_error_db"] is not None]
-    machines = " and of ".join(dict.fromkeys(row["machine"].replace("; ", ", ") for row in measured))
-    origin = (
-        "`python -m analysis.pages` writes this page from the committed tables `speed_accuracy.csv`, `stability.csv` and "
-        f"`complexity.csv` in `docs/results/`. Run times are processor seconds of {machines}. "
-        "Compare only ratios of run times, because the load of the machine changes seconds."
+def text() -> str:
+    """Return the page docs/choosing.md as Markdown."""
+    speed = read("speed_accuracy")
+    scored = [row for row in speed if row["profile_error_db"] is not None]
+    measured = [row for row in scored if not row["claim"]]
+    return filled(
+        TEMPLATE.read_text(encoding="utf-8"),
+        machines=" and of ".join(dict.fromkeys(row["machine"].replace("; ", ", ") for row in measured)),
+        goals=goals(measured),
+        settings={row["setting"]: options(row["setting"]) for row in measured if row["family"] == OURS},
+        defaults=defaults(scored),
+        features=[row for row in speed if row["feature_error"] is not None],
+        complexity=read("complexity"),
+        saved=complexity_rows.SAVED,
+        sweeps=sweeps(read("stability")),
     )
-    settings = dict.fromkeys(row["setting"] for row in measured if row["family"] == OURS)
-    parts = {
-        "origin": wrapped(origin),
-        "goals": _goals(measured),
-        "options": _lines((setting, f"`{options(setting)}`") for setting in settings),
-        "needed": _needed(complexity),
-        "claims": _claims(complexity),
-        "default": _default(speed),
-        "campaign": _campaign(speed),
-        "campaign_claims": _campaign_claims(speed),
-        "safe": _safe(stability),
-    }
-    return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], TEMPLATE.read_text(encoding="utf-8"))
 
 
-def _lines(rows: Iterable[Sequence[str]]) -> str:
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in rows)
-
-
-def _goals(measured: Sequence[Row]) -> str:
-    rows = []
-    for name in dict.fromkeys(row["problem"] for row in measured):
-        mine = [row for row in measured if row["problem"] == name and not row["exact"]]
-        default = next(row for row in mine if (row["family"], row["setting"]) == (OURS, DEFAULT))
-        mine = [row for row in mine if row is default or not _same(row, default)]
-        cells = [mine[0]["title"]]
+def goals(measured: Sequence[Row]) -> Iterator[tuple[str, list[str]]]:
+    """Yield the title of each test problem, and a text for each goal: the fastest setting whose error is at most that of the goal."""
+    for rows in _by_problem(measured):
+        inexact = [row for row in rows if not row["exact"]]
+        default = _default(inexact)
+        tried = [row for row in inexact if row is default or not _same(row, default)]
+        cells = []
         for error, goal, unit in GOALS:
-            enough = [row for row in mine if row[error] <= goal]
-            best = min(enough or mine, key=lambda row: row["seconds_frame" if enough else error])
-            text = f"{best['family']}, {best['setting']}: {best[error]:.2g}{unit}, {best['value']:.2g} x"
-            cells.append(text if enough else f"none; nearest is {text}")
-        rows.append(cells)
-    return _lines(rows)
+            enough = [row for row in tried if row[error] <= goal]
+            best = min(enough or tried, key=lambda row: row["seconds_frame" if enough else error])
+            cell = f"{best['family']}, {best['setting']}: {best[error]:.2g}{unit}, {best['value']:.2g} x"
+            cells.append(cell if enough else f"none; nearest is {cell}")
+        yield default["title"], cells
+
+
+def _by_problem(rows: Sequence[Row]) -> list[list[Row]]:
+    return [[row for row in rows if row["problem"] == name] for name in dict.fromkeys(row["problem"] for row in rows)]
+
+
+def _default(rows: Sequence[Row]) -> Row:
+    return next(row for row in rows if not row["claim"] and (row["family"], row["setting"]) == (OURS, DEFAULT))
 
 
 def _same(row: Row, default: Row) -> bool:
@@ -111,96 +98,34 @@ def options(setting: str) -> str:
     return next(re.sub(pattern, option, setting) for pattern, option in OPTIONS.items() if re.fullmatch(pattern, setting))
 
 
-def _needed(complexity: Sequence[Row]) -> str:
-    return _lines(
-        (
-            row["case"], row["features"], row["model"], f"{row['between']:.2f}", f"{row['value']:.2g} x", _pays_after(row),
-            "yes" if row["without layers"] > 1 else "no",
-        )
-        for row in complexity if row["metric"] == complexity_rows.SAVED
-    )  # fmt: skip
+def defaults(scored: Sequence[Row]) -> Iterator[tuple[Row, list[Row], Row | None]]:
+    """Yield for each test problem the row of RadarTwin's default, its claims, and the claim about RF-Genesis, if RF-Genesis was run."""
+    for rows in _by_problem(scored):
+        claims = [row for row in rows if row["claim"]]
+        naive = next((row for row in claims if row["family"] == RFGENESIS), None)
+        yield _default(rows), [row for row in claims if "front" in row["metric"]], naive
 
 
-def _pays_after(row: Row) -> str:
-    frames = row["pays after (frames)"]
-    return "never" if frames is None else f"{frames:.0f}"
+def sweeps(stability: Sequence[Row]) -> list[tuple[Row, list[str]]]:
+    """Return for each sweep the row of RadarTwin's ray tracer, and the safe regions of the other methods that have one."""
 
+    def safe(row: Row) -> str:
+        return f"{row['family']}{' ' + row['setting'] if row['family'] == RFGENESIS else ''}: {row['safe']}"
 
-def _claims(complexity: Sequence[Row]) -> str:
-    claims = [row for row in complexity if row["case"] == "all"]
-    return _lines((row["metric"], f"{row['value']:.2g}", row["model"] or "all cases", row["claim"], row["verdict"]) for row in claims)
-
-
-def _default(speed: Sequence[Row]) -> str:
-    rows = []
-    scored = [row for row in speed if row["profile_error_db"] is not None]
-    for name in dict.fromkeys(row["problem"] for row in scored):
-        mine = [row for row in scored if row["problem"] == name]
-        own = next(row for row in mine if not row["claim"] and (row["family"], row["setting"]) == (OURS, DEFAULT))
-        naive = next((row for row in mine if row["claim"] and row["family"] == RFGENESIS), None)
-        claims = [row for row in mine if row["claim"] and "front" in row["metric"]]
-        words = (f"{row['value']:.2f} by the {row['metric'].rpartition(' of the ')[2]} error, limit {row['verdict']}" for row in claims)
-        rows.append((
-            own["title"], f"{own['seconds_frame']:.2g}", f"{own['profile_error_db']:.2g} dB", f"{own['signal_error']:.2g}",
-            "; ".join(words),
-            f"{naive['value']:.3g} x, limit {naive['verdict']}" if naive else "not run",
-            f"{naive['profile_error_db']:.2g} dB, {naive['free_error_db']:.2g} dB after the best gain" if naive else "",
-        ))  # fmt: skip
-    return _lines(rows)
-
-
-def _campaign(speed: Sequence[Row]) -> str:
-    rows = [row for row in speed if row["feature_error"] is not None and not row["claim"]]
-    return _lines(
-        (
-            f"{row['family']}, {row['setting']}", f"{row['seconds_frame']:.2g}", f"{row['value']:.2g} x", f"{row['feature_error']:.3g}",
-            f"{row['recognition_error']:.2g}",
-        )
-        for row in rows
-    )  # fmt: skip
-
-
-def _campaign_claims(speed: Sequence[Row]) -> str:
-    rows = [row for row in speed if row["feature_error"] is not None and row["claim"]]
-    return _lines((row["claim"], row["metric"], f"{row['value']:.2g}", row["verdict"]) for row in rows)
-
-
-def _safe(stability: Sequence[Row]) -> str:
-    rows = []
-    for own, others in _sweeps(stability):
-        found = [f"{_family(row)}: {row['safe']}" for row in others]
-        wider = "" if own["verdict"] == "holds" else " (not the largest)"
-        rows.append((own["title"], f"{own['safe']}{wider}", own["fails at"] or "nowhere", "; ".join(found) or "none"))
-    return _lines(rows)
-
-
-def _family(row: Row) -> str:
-    return f"{row['family']} {row['setting']}" if row["family"] == RFGENESIS else row["family"]
-
-
-def _sweeps(stability: Sequence[Row]) -> list[tuple[Row, list[Row]]]:
-    """Group the rows of the table `stability` by parameter sweep (series of scenes or settings of increasing difficulty).
-
-    Returns for each sweep the row of RadarTwin's ray tracer, and the rows of those other simulation methods that are accurate in a part of
-    the sweep.
-    """
     return [
-        (own, [row for row in stability if row["sweep"] == own["sweep"] and row is not own and row["value"]])
+        (own, [safe(row) for row in stability if row["sweep"] == own["sweep"] and row is not own and row["value"]])
         for own in stability
         if own["family"] == OURS
     ]
 
 
-def write() -> None:
-    """Write the page and its pictures."""
-    speed, stability, complexity = (read(name) for name in NAMES)
-    files.write_atomically(PAGE, text(speed, stability, complexity))
-    drawn = {
-        "speed_accuracy": lambda: chart.chart(speed, "profile_error_db"),
-        "stability": lambda: stability_table.map_of(stability),
-        "complexity": lambda: complexity_rows.chart(complexity),
+def draw() -> None:
+    """Write the pictures of the page."""
+    drawn: dict[str, Callable[[], Any]] = {
+        "speed_accuracy": lambda: chart.chart(read("speed_accuracy"), "profile_error_db"),
+        "stability": lambda: stability_table.map_of(read("stability")),
+        "complexity": lambda: complexity_rows.chart(read("complexity")),
     }
-    for name, draw in drawn.items():
-        for path in style.save(draw, FIGURES / name):
-            if path.suffix != ".png":
-                path.unlink()
+    for name, figure in drawn.items():
+        _, pdf = style.save(figure, FIGURES / name)
+        pdf.unlink()

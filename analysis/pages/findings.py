@@ -4,18 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from analysis.pages.filled import RESULTS, ROOT, filled
-from radartwin.io import files
+from analysis.pages.template import ROOT, filled
 
 PAGE = ROOT / "docs" / "findings.md"
 TEMPLATE = Path(__file__).with_name("findings_template.md")
 
 
-def text(folder: Path = RESULTS) -> str:
-    """Return the page as Markdown, with the values of the tables in `folder`."""
-    return filled(TEMPLATE.read_text(encoding="utf-8"), folder)
-
-
-def write() -> None:
-    """Write the page."""
-    files.write_atomically(PAGE, text())
+def text() -> str:
+    """Return the page as Markdown."""
+    return filled(TEMPLATE.read_text(encoding="utf-8"))

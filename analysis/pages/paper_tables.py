@@ -21,9 +21,9 @@ from typing import Any
 
 import pandas as pd
 
-from analysis.pages.filled import RESULTS, ROOT, number
+from analysis.pages.template import ROOT, committed, number
 from experiments.claims import PRIMARY
-from radartwin.io import files, untrusted_yaml
+from radartwin.io import untrusted_yaml
 
 PAGE = ROOT / "docs" / "paper-tables.md"
 CONTENT = Path(__file__).with_suffix(".yaml")
@@ -45,11 +45,6 @@ the paper in all other respects.
 def content() -> list[dict[str, Any]]:
     """Return the sections of the page."""
     return untrusted_yaml.load(CONTENT.read_text(encoding="utf-8"))
-
-
-def committed(name: str) -> pd.DataFrame:
-    """Return the rows of a table of docs/results as texts."""
-    return pd.read_csv(RESULTS / f"{name}.csv", dtype=str, keep_default_na=False)
 
 
 def tables(read: Callable[[str], pd.DataFrame] = committed, absent: str = "") -> Iterator[tuple[str, str, pd.DataFrame]]:
@@ -91,11 +86,6 @@ def html(read: Callable[[str], pd.DataFrame]) -> str:
         lines = table.map(lambda cell: escape(cell).replace("&lt;br&gt;", "<br>")).to_html(index=False, border=0, escape=False)
         parts.append(f'<h3>{escape(title)}</h3>\n<p class="caption">{escape(note)}</p>\n<div class="scroll">{lines}</div>')
     return "\n".join(parts)
-
-
-def write() -> None:
-    """Write the page."""
-    files.write_atomically(PAGE, text())
 
 
 def answer(read: Callable[[str], pd.DataFrame], absent: str, row: Mapping[str, Any]) -> tuple[str, str, str]:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 
 from analysis.pages import paper_tables
-from analysis.pages.filled import ROOT, wrapped
-from radartwin.io import files
+from analysis.pages.template import ROOT, wrapped
 from radartwin.runs.experiment import VERDICTS
 
 PAGE = ROOT / "README.md"
@@ -25,8 +24,3 @@ def text() -> str:
     if number != 1:
         raise ValueError(f"{PAGE}: {number} paragraphs begin with 'Of the N main claims', not one")
     return page
-
-
-def write() -> None:
-    """Write the page."""
-    files.write_atomically(PAGE, text())

@@ -2,10 +2,8 @@
 
 - `content` reads rows, claims and figures of each table, or the reason why a table is absent.
 - `origin` reads the versions, machine, seeds, run times and MLflow runs behind the report.
-- `gallery` writes pages that compare a measured picture with a simulated picture.
 - `rooms` writes pages that show the rooms in three dimensions.
-- `claims` writes the summary of all claims.
-- `markup` writes the report page as HTML, and escapes all text that enters the page.
+- `markup` fills the template of the report page, which escapes all text that enters the page.
 - `folder` writes the files so that a browser never loads an incomplete report.
 - `page/` holds the HTML template, the style sheet and the scripts.
 """
@@ -15,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from analysis.report import folder, gallery, markup, origin, rooms
+from analysis.report import folder, markup, origin, rooms
 from analysis.report.content import FAILED, MISSING, STALE, Section
 
 __all__ = ["FAILED", "MISSING", "STALE", "Section", "path", "write"]
@@ -40,6 +38,6 @@ def write(sections: Sequence[Section], output: Path) -> Path:
         for section in sections:
             for part, file in section.files():
                 staged.take(file, part)
-        compared, shown = gallery.write(sections, staged), rooms.write(staged)
+        shown = rooms.write(staged)
         made_from = origin.of(sections, output)
-        return staged.publish(lambda parts: markup.page(sections, compared, shown, made_from, parts))
+        return staged.publish(lambda parts: markup.page(sections, shown, made_from, parts))

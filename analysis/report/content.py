@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from analysis.tables import FORMATS, heading, text_of
+from analysis.tables import FORMATS, caption, heading, text_of
 from radartwin.errors import MissingError
 from radartwin.plotting.style import SUFFIXES
 from radartwin.runs.experiment import JUDGED, LIMITS, SCORE_COLUMNS, VERDICTS, Table
 
 MISSING, STALE, FAILED = "not run", "stale", "failed"
 ABSENT = {
-    MISSING: "This table has not been run.",
-    STALE: "The run belongs to an earlier source or configuration, so its results are not shown.",
     FAILED: "The run ended with an error:",
+    STALE: "The run belongs to an earlier source or configuration, so its results are not shown.",
+    MISSING: "This table has not been run.",
 }
 LINKED = tuple(suffix for suffix in FORMATS if suffix != "html")  # without HTML, because the page itself contains it
+_CAPTION = re.compile(r"<caption>.*?</caption>\n?", re.DOTALL)
 CASES = 4  # largest number of columns that describe the case of a claim
 _NO_CASE = {"claim", *JUDGED, "reason", "draws", "items", "seed", "run_keys", "title", "note", "machine", *SCORE_COLUMNS}
 
@@ -86,14 +88,19 @@ class Section:
             if self.table.chart:
                 yield "figures", self.figure(f"{self.table.name}_page", ".html")
 
-    @cached_property
-    def text(self) -> str:
-        """Return the results table of this section of the report as HTML text."""
+    @property
+    def caption(self) -> str:
+        return caption(self.table, self.rows)
+
+    @property
+    def html(self) -> str:
+        """Return the results table as an HTML element without its caption, because the page shows the caption above the figures."""
         path = self.file("html")
         try:
-            return path.read_text(encoding="utf-8")
+            text = _CAPTION.sub("", path.read_text(encoding="utf-8"), count=1)
         except UnicodeDecodeError as error:
             raise self._damaged(path) from error
+        return text.replace("<table>", f'<table data-tools aria-labelledby="{self.table.name}-title">', 1)
 
     @cached_property
     def rows(self) -> list[dict[str, str]]:

@@ -3,7 +3,7 @@
 The files are collected in a temporary folder, this folder is named by a hash of its content, and index.html is replaced last.
 
     report/index.html           links to one folder of parts
-    report/parts-DIGEST/        figures, tables, gallery, rooms
+    report/parts-DIGEST/        figures, tables, rooms
 
 A user who opens index.html at any moment finds either the complete old report or the complete new report.
 """
@@ -32,7 +32,7 @@ class Stage:
         self._folder = root / STAGE
 
     def take(self, source: Path, part: str) -> str:
-        """Copy a file into a part (figures, tables, gallery or rooms). Returns the link to the copied file, relative to the parts
+        """Copy a file into a part (figures, tables or rooms). Returns the link to the copied file, relative to the parts
         folder.
         """
         link = f"{part}/{source.name}"

@@ -11,7 +11,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import sys
 from collections.abc import Mapping
 from numbers import Real
 from pathlib import Path
@@ -139,32 +138,32 @@ def _arrays(path: Path, problem: Problem) -> dict[str, np.ndarray]:
 
 def _check_frequencies(radar: Radar, given: Any, where: str) -> None:
     wanted = frequency_grid(radar)
-    if isinstance(given, dict) and (large := [key for key in wanted if _too_large(given.get(key))]):
-        raise InputError(f"{where}: {large[0]} in 'frequencies' is too large for a float; give {_grid(wanted)}")
-    if not isinstance(given, dict) or set(given) != set(wanted) or not all(isinstance(v, int | float) for v in given.values()):
+    if not isinstance(given, dict) or set(given) != set(wanted):
         raise InputError(f"{where}: 'frequencies' must hold the numbers {', '.join(wanted)}; give {_grid(wanted)}")
-    last = {name: grid["start_hz"] + grid["step_hz"] * grid["samples"] for name, grid in (("given", given), ("wanted", wanted))}
-    apart = max(abs(given["start_hz"] - wanted["start_hz"]), abs(last["given"] - last["wanted"]))
-    if given["samples"] != wanted["samples"] or not all(map(math.isfinite, given.values())) or apart >= SAME_HZ:
-        raise InputError(
-            f"{where}: the frequency grid is {_grid(given)}, but the problem has {_grid(wanted)}; compute at these frequencies"
-        )
+    grid = {name: _number(given[name]) for name in wanted}
+    start_hz, step_hz = (grid[name] - wanted[name] for name in ("start_hz", "step_hz"))
+    apart_hz = (start_hz, start_hz + wanted["samples"] * step_hz)  # at both ends of the grid; NaN is not below SAME_HZ
+    if grid["samples"] != wanted["samples"] or not all(abs(hz) < SAME_HZ for hz in apart_hz):
+        raise InputError(f"{where}: the frequency grid is {_grid(grid)}, but the problem has {_grid(wanted)}; compute at these frequencies")
 
 
-def _grid(grid: Mapping[str, Any]) -> str:
-    return f"{grid['samples']} samples from {grid['start_hz']:.0f} Hz in steps of {grid['step_hz']:.3f} Hz"
+def _grid(grid: Mapping[str, float]) -> str:
+    return f"{grid['samples']:.0f} samples from {grid['start_hz']:.0f} Hz in steps of {grid['step_hz']:.3f} Hz"
 
 
-def _too_large(value: Any) -> bool:
-    """Return whether a value is an integer that no float can hold. JSON allows such integers."""
-    return isinstance(value, int) and abs(value) > sys.float_info.max
+def _number(value: Any) -> float:
+    """Return a number as a float: infinity for an integer that no float can hold, and NaN for all that is no number."""
+    try:
+        return float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
+    except OverflowError:
+        return math.inf
 
 
 def _checked_seconds(value: Any, where: str) -> float:
-    if _too_large(value) or isinstance(value, bool) or not isinstance(value, Real) or not (math.isfinite(value) and float(value) > 0):
-        shown = "too large for a float" if _too_large(value) else repr(value)
-        raise InputError(f"{where}: seconds_per_frame is {shown}; give the wall seconds per frame, above 0")
-    return float(value)
+    seconds = _number(value)
+    if not 0 < seconds < math.inf:
+        raise InputError(f"{where}: seconds_per_frame is {seconds}; give the wall seconds per frame, above 0")
+    return seconds
 
 
 def _checked(problem: Problem, arrays: dict[str, np.ndarray], where: str) -> dict[str, np.ndarray]:

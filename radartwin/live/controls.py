@@ -23,8 +23,6 @@ PROFILE_PX = 230
 PROFILE_DYNAMIC_DB = 70.0  # range of levels in the profile
 SIMULATED, MEASURED = "#0072B2", "#D55E00"
 NO_PATH = "none"
-FOLLOWS = "the complete answer follows when nothing moves"
-LOST = "no complete answer follows, because the search process ended, perhaps because memory ran out; start the command again"
 STYLE = (
     "<style>.rt{font:12px/1.45 system-ui,sans-serif;margin:0 .6em}.rt th{text-align:left;padding-right:1em;font-weight:600;"
     "vertical-align:top}.rt i{display:inline-block;width:.9em;height:.9em;margin:0 .35em -.1em 0;border:1px solid #8888}"
@@ -57,7 +55,6 @@ class Controls:
         from viser import uplot
 
         self._gui, self._actions, self._playback = server.gui, actions, playback
-        self.searches = True  # whether a complete answer follows each draft
         gui = server.gui
         gui.configure_theme(show_logo=False, show_share_button=False)
         gui.set_panel_label("RadarTwin live")
@@ -111,7 +108,8 @@ class Controls:
         self._status.content = _html("<b class='draft'>computing the first answer</b>, which takes some seconds")
 
     def show_status(self, answer: LiveAnswer, count: int) -> None:
-        kind = "<b class='done'>complete</b>" if answer.complete else f"<b class='draft'>draft</b>, {FOLLOWS if self.searches else LOST}"
+        draft = "<b class='draft'>draft</b>, the complete answer follows when nothing moves"
+        kind = "<b class='done'>complete</b>" if answer.complete else draft
         self._status.content = _html(f"answer {count}: {kind} · {1000 * answer.seconds:.0f} ms · strongest paths: {len(answer.paths)}")
 
     def fail(self, message: str) -> None:

@@ -141,11 +141,6 @@ class Page:
         """Show why a setting cannot be simulated. The last answer stays on the page."""
         self.controls.fail(message)
 
-    def lose_search(self) -> None:
-        """Show from now on that drafts get no complete answer, because the search process has ended."""
-        self.controls.searches = False
-        self.draw()
-
     def draw(self) -> None:
         with self._lock:
             self._draw()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import multiprocessing
 import os
 import sys
 import threading
@@ -23,17 +22,15 @@ from radartwin.live.playback import Playback
 from radartwin.live.session import Session
 from radartwin.live.setting import split
 from radartwin.live.tracing import LiveTracer
-from radartwin.live.worker import Searcher
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene
 
 USUAL_PORT = 8080
 ANSWERS_WITHIN_S = 30
-ENDS_WITHIN_S = 5.0
 
 
 def serve(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None, playback: Playback | None = None) -> int:
-    """Serve the live page of a scene, and return 0 after Ctrl-C, SIGTERM or SIGHUP.
+    """Serve the live page of a scene, and end with status 0 after Ctrl-C, SIGTERM or SIGHUP.
 
     Args:
         scene: room and objects. radar: radar to simulate. start: sensor-to-world pose (4, 4) at the start.
@@ -44,35 +41,17 @@ def serve(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None
             server does not answer within 30 s.
         SceneError: the scene has no surfaces.
     """
-    sessions: list[Session] = []
-    killer = threading.Timer(ENDS_WITHIN_S, _kill)
-    killer.daemon = True
-    try:
-        with contextlib.suppress(KeyboardInterrupt), running(scene, radar, start, port, playback) as live:
-            sessions.append(live.session)
-            try:
-                _announce(live.port)
-                while not live.finished.wait(STEP_S):
-                    pass
-            finally:
-                ignore_signals()
-                if not live.crash:
-                    killer.start()
-            raise live.crash[0]
-    finally:
-        killer.cancel()
-    if not all(session.end() for session in sessions):
-        sys.stdout.flush()
-        os._exit(0)  # a regular end of Python would unload the compiled code that the thread still runs
+    with contextlib.suppress(KeyboardInterrupt), running(scene, radar, start, port, playback) as live:
+        try:
+            _announce(live.port)
+            while not live.finished.wait(STEP_S):
+                pass
+        except KeyboardInterrupt:
+            ignore_signals()
+            sys.stdout.flush()
+            os._exit(0)  # a regular end would unload the compiled code that a search still runs
+        raise live.crash[0]
     return 0
-
-
-def _kill() -> None:
-    """End this process and its worker at once, because their regular end hangs."""
-    for child in multiprocessing.active_children():
-        child.kill()
-    sys.stdout.flush()
-    os._exit(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +61,6 @@ class Live:
     port: int
     server: Any
     page: Page
-    session: Session
     finished: threading.Event
     crash: list[BaseException]
 
@@ -99,20 +77,16 @@ def running(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = No
         crash.append(error)
         finished.set()
 
-    with contextlib.ExitStack() as ends:
-        searcher = Searcher(room, radar) if len(room) else None
-        session = Session(
-            tracer, searcher, lambda answer: page.show(answer), lambda text: page.fail(text), crashed, lambda: page.lose_search()
-        )
-        if searcher:
-            ends.callback(searcher.end)
-        ends.callback(session.end)  # before the end of the searcher, which the session uses
-        server = _server(free_port(port, USUAL_PORT))
-        ends.callback(_quietly, server.stop)
+    session = Session(tracer, lambda answer: page.show(answer), lambda text: page.fail(text), crashed)
+    server = _server(free_port(port, USUAL_PORT))
+    try:
         page = Page(server, scene, start, tracer, session.request, playback)
         session.start()
         page.ask()
-        yield Live(server.get_port(), server, page, session, finished, crash)
+        yield Live(server.get_port(), server, page, finished, crash)
+    finally:
+        session.end()
+        _quietly(server.stop)
 
 
 def _server(port: int) -> Any:

@@ -1,1 +1,1 @@
-"""Style of the figures, and interactive HTML pages of the figures."""
+"""Style of the figures."""

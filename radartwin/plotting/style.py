@@ -1,7 +1,7 @@
 """Define the style of every figure: print sizes in inches, and the Okabe-Ito palette, whose colours colour-blind readers can distinguish.
 
 Ref: M. Okabe, K. Ito, Color Universal Design (2008), https://jfly.uni-koeln.de/color/. The figures need no display and do not change the
-global state of pyplot. The function `figure` creates a figure, and `save` writes it as PNG, PDF and interactive page.
+global state of pyplot. The function `figure` creates a figure, and `save` writes it as PNG and PDF.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442", "#000000")
 COLUMN_WIDTH_IN, PAGE_WIDTH_IN = 3.33, 7.0  # acmart sigconf, one and two columns
 SEQUENTIAL = "viridis"
-SUFFIXES = (".png", ".pdf", ".html")
+SUFFIXES = (".png", ".pdf")
 
 
 def style() -> dict[Any, Any]:
@@ -70,7 +70,7 @@ def pixel_edges(axis: Sequence[float] | NDArray) -> tuple[float, float]:
 
 
 def save(drawing: Callable[[], Figure] | Figure | Path, stem: Path) -> list[Path]:
-    """Write a figure as `stem`.png, .pdf and .html, each atomically, and return the three paths.
+    """Write a figure as `stem`.png and .pdf, each atomically, and return the two paths.
 
     Args:
         drawing: a figure, a function that draws a figure, or the common path without suffix of existing figure files.
@@ -78,7 +78,6 @@ def save(drawing: Callable[[], Figure] | Figure | Path, stem: Path) -> list[Path
     import matplotlib
 
     from radartwin.io import files
-    from radartwin.plotting import pages
 
     paths = [stem.with_name(stem.name + suffix) for suffix in SUFFIXES]
     if isinstance(drawing, Path):
@@ -87,11 +86,10 @@ def save(drawing: Callable[[], Figure] | Figure | Path, stem: Path) -> list[Path
         return paths
     with matplotlib.rc_context(style()):
         drawn = drawing() if callable(drawing) else drawing
-        for path in paths[:-1]:
+        for path in paths:
             # Without its creation date, the PDF of the same figure has the same bytes.
             stream = io.BytesIO()
             drawn.savefig(stream, format=path.suffix[1:], metadata={"CreationDate": None} if path.suffix == ".pdf" else None)
             files.write_atomically(path, stream.getvalue())
-            drawn.set_layout_engine("none")  # reuse the layout for the other files, because computing it takes as long as drawing
-        files.write_atomically(paths[-1], pages.page(drawn, stem.name.replace("_", " ")))
+            drawn.set_layout_engine("none")  # reuse the layout for the PDF, because computing it takes as long as drawing
     return paths

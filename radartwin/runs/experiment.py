@@ -180,7 +180,7 @@ def save(result: Result, folder: Path) -> None:
 def read(product: Product) -> Result:
     """Read a result from its folder in the store.
 
-    The figures of the result are paths without suffix. Each figure has a .png, a .pdf and a .html file.
+    The figures of the result are paths without suffix. Each figure has a .png and a .pdf file.
 
     Raises:
         InputError: the stored data is not a result, or names files outside its folder.

@@ -3,10 +3,11 @@
 import re
 
 import pytest
+from jinja2 import UndefinedError
 
 from analysis import numbers
 from analysis.pages import findings, paper_tables, readme
-from analysis.pages.filled import ROOT, filled
+from analysis.pages.template import ROOT, filled
 
 TABLE = """case,paper,value,low,high,draws,verdict
 void,-0.24,0.4312,0.402,0.4549,3,contradicted
@@ -24,31 +25,31 @@ def folder(tmp_path):
 
 
 @pytest.mark.parametrize(("place", "expected"), {
-    "{{rooms: case=void}}": "0.43 (0.40 to 0.45)",
-    "{{rooms: case=room}}": "0.78",  # an interval without a width is left out
-    "{{rooms: paper=}}": "0.0004",
-    "{{rooms.paper: case=void}}": "-0.24",
-    "{{rooms.low: value=0.43120}}": "0.40",
-    "{{count rooms:}}": "3",
-    "{{count rooms: verdict!=contradicted; absent=}}": "2",
-    "{{rows rooms: case, value, draws | verdict!=}}": "| void | 0.43 (0.40 to 0.45) | 3 |\n| room | 0.78 | 10 |",
+    '{{ one("rooms", case="void") | interval }}': "0.43 (0.40 to 0.45)",
+    '{{ one("rooms", case="room") | interval }}': "0.78",  # an interval without a width is left out
+    '{{ one("rooms", paper="") | interval }}': "0.0004",
+    '{{ one("rooms", case="void").paper | number }}': "-0.24",
+    '{{ one("rooms", value=0.4312).low | number }}': "0.40",
+    '{{ rows("rooms") | length }}': "3",
+    '{{ rows("rooms", absent="") | rejectattr("verdict", "eq", "contradicted") | list | length }}': "2",
+    '{{ rows("rooms") | selectattr("verdict") | lines("case", "value", "draws") }}':
+        "| void | 0.43 (0.40 to 0.45) | 3 |\n| room | 0.78 | 10 |",
 }.items())  # fmt: skip
 def test_places_are_filled(place, expected, folder):
     assert filled(place, folder) == expected
 
 
 @pytest.mark.parametrize(("place", "told"), {
-    "{{rooms: draws=4}}": "0 rows of .*rooms.csv fit, not one",
-    "{{rooms: draws!=4}}": "3 rows",
-    "{{rooms: of=void}}": "no column 'of'",
-    "{{rooms.p: case=void}}": "no column 'p'",
-    "{{ rooms: case=void}}": "another form",
-    "{{rooms: case=void}": "another form",
-    "{{rows rooms: case | case=hall}}": "no row of .*rooms.csv fits",
-    "{{halls: case=void}}": "halls.csv does not exist; run radartwin tables --profile paper --only halls",
+    '{{ one("rooms", draws=4) }}': "0 rows of .*rooms.csv have {'draws': 4}, not one",
+    '{{ one("rooms") }}': "3 rows",
+    '{{ one("rooms", of="void") }}': "no column 'of'",
+    '{{ one("rooms", case="void").p }}': "no attribute 'p'",
+    '{{ rows("rooms", case="hall") | lines("case") }}': "no row fits",
+    '{{ rows("rooms") | lines("p") }}': "'p'",
+    '{{ one("halls", case="void") }}': "halls.csv does not exist; run radartwin tables --profile paper --only halls",
 }.items())  # fmt: skip
 def test_a_place_that_fits_no_row_is_refused(place, told, folder):
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises((ValueError, KeyError, UndefinedError), match=told):
         filled(place, folder)
 
 
@@ -86,7 +87,7 @@ def test_a_primary_claim_has_the_verdict_of_the_headline():
 
 
 def test_a_report_without_a_table_says_so():
-    page = paper_tables.html(lambda name: paper_tables.committed(name)[:0])
+    page = paper_tables.html(lambda name: paper_tables.committed(name).iloc[:0])
     assert page.count("not made") > 200
     assert "<script" not in page
 

@@ -20,7 +20,7 @@ import pytest
 import reported
 
 from analysis import main, registry
-from analysis.report import folder, gallery, origin
+from analysis.report import folder, origin
 from analysis.report.content import Section
 from experiments.positioning import positioning
 from experiments.turntable import linear_rail
@@ -183,32 +183,6 @@ def test_damaged_csv_is_named(written: Path, tmp_path: Path, text: str | bytes |
     path.write_bytes(broken if isinstance(broken, bytes) else broken.encode())
     with pytest.raises(MissingError, match=r"environment\.csv is missing or damaged"):
         reported.report(output)
-
-
-def test_comparison_page_has_the_drawn_values(written: Path) -> None:
-    panels = gallery.pairs(gallery.drawn(written / "figures" / f"{reported.PAIR}.html", ""))
-    assert [panel["title"] for panel in panels] == ["range over time", "range over Doppler", "range over azimuth"]
-    for panel in panels:
-        for values, at_m in zip(panel["values"], (reported.MEASURED_M, reported.SIMULATED_M), strict=True):
-            column = [row[0] for row in values]
-            assert max(column) == pytest.approx(reported.ECHO_DB, abs=0.01)
-            assert reported.RANGE_M[column.index(max(column))] == pytest.approx(at_m, abs=0.1)
-
-
-def test_panels_of_different_axes_are_not_compared() -> None:
-    def panel(last_s: float, columns: int) -> dict:
-        return {"title": "", "x": {"label": ""}, "series": [], "pictures": [{"extent": [0, last_s, 0, 5], "values": [[0.0] * columns]}]}
-
-    assert len(gallery.pairs({"axes": [panel(1, 4), panel(1, 4)]})) == 1
-    assert gallery.pairs({"axes": [panel(1, 4), panel(2, 4)]}) == gallery.pairs({"axes": [panel(1, 4), panel(1, 5)]}) == []
-
-
-def test_figure_without_a_pair_has_no_comparison(tmp_path: Path) -> None:
-    data = {"size": [500, 300], "axes": [{"box": [0, 0, 1, 1], "pictures": []}]}
-    assert gallery.pairs(data) == []
-    (tmp_path / "page.html").write_text("<script>const data = {broken;\n</script>")
-    with pytest.raises(MissingError, match=r"page\.html is damaged"):
-        gallery.drawn(tmp_path / "page.html", "radartwin tables")
 
 
 def test_run_times_and_seed_come_from_the_cache_and_products_count_once(tmp_path: Path) -> None:

@@ -44,7 +44,7 @@ def test_the_demonstration_ends_with_a_page_that_names_the_surfaces(inside, chro
     assert any(row[4] == "level_2" and 1.0 < float(row[1]) < 2.0 for row in rows)
     labels = json.loads((folder / "scene" / "manifest.json").read_text())
     assert labels
-    echoes = tab.run("document.querySelector('#echoes').contentDocument.body.textContent")
+    echoes = tab.run("document.querySelector('#echoes').textContent")
     for number, row in enumerate(rows, 1):
         assert re.search(rf"\b{number} {row[4]}\b", echoes), "the picture marks the peak with its surface"
 

@@ -6,6 +6,7 @@ import os
 import signal
 import socket
 import statistics
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -17,7 +18,7 @@ import numpy as np
 import pytest
 import trimesh
 from live_page import answers, click, drag_radar_left, open_page, pixel, serving
-from processes import descendants, listening, runs, started, wait_until
+from processes import descendants, listening, runs, wait_until
 
 import radartwin as rt
 from radartwin.builders.scene import build_target
@@ -68,14 +69,18 @@ def test_the_page_is_served_on_this_machine_only_until_a_signal_ends_it(plate_sc
 
 
 @pytest.mark.slow
-def test_a_search_ends_with_the_page(tmp_path: Path) -> None:
+def test_a_signal_ends_the_page_during_a_search(tmp_path: Path) -> None:
     with serving(tmp_path, "lab") as (port, process):
-        wait_until(lambda: len(descendants(process.pid)) >= 1, 200)  # the worker that searches
-        begun = descendants(process.pid)
+        wait_until(lambda: len(searching(process.pid)) > 1, 200)  # the search and the threads that it starts
         process.send_signal(signal.SIGTERM)
-        assert process.wait(30) == 0
+        assert process.wait(5) == 0
         assert listening(port) == set()
-        wait_until(lambda: not any(runs(pid) for pid in begun), 10)
+
+
+def searching(pid: int) -> list[int]:
+    """Return the nice values of those threads of a process that have a lower priority than the process itself."""
+    found = [int(text) for text in subprocess.run(["ps", "-L", "-o", "ni=", "-p", str(pid)], capture_output=True, text=True).stdout.split()]
+    return [nice for nice in found if nice > min(found)]
 
 
 def test_a_viser_that_starts_its_web_server_in_another_way_is_refused(inside, plate_scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -89,48 +94,6 @@ def test_a_viser_that_starts_its_web_server_in_another_way_is_refused(inside, pl
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("radartwin: view --live cannot check which pages connect")
     assert done.stderr.count("\n") == 1
-
-
-HANGS = """
-import sys, time
-from radartwin import cli
-from radartwin.live import serve
-from radartwin.live.session import Session
-Session.end, serve.ENDS_WITHIN_S = lambda self: time.sleep(60), 0.5
-sys.exit(cli.main(["view", sys.argv[1], "--live", "--port", "0"]))
-"""
-
-
-def test_a_signal_ends_a_page_whose_end_hangs(plate_scene: Path, tmp_path: Path) -> None:
-    process = started([sys.executable, "-c", HANGS, str(plate_scene)], tmp_path)
-    try:
-        assert process.stdout is not None
-        assert process.stdout.readline().startswith("live: ")
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(20) == 0
-    finally:
-        process.kill()
-        process.communicate()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seconds", [1.0, 9.0])
-def test_the_page_outlives_its_search_worker_and_then_ends_with_a_signal(tmp_path: Path, seconds: float) -> None:
-    with serving(tmp_path, "lab") as (_, process):
-        wait_until(lambda: searchers(process.pid), 200)
-        time.sleep(seconds)
-        (worker,) = searchers(process.pid)
-        os.kill(worker, signal.SIGKILL)
-        time.sleep(2)
-        assert process.poll() is None
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(10) == 0
-        said, complained = process.communicate(timeout=10)
-        assert (said, complained) == ("", "")
-
-
-def searchers(pid: int) -> list[int]:
-    return [child for child in descendants(pid) if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
 
 
 def test_bad_input_gives_one_line_and_status_2(inside, plate_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

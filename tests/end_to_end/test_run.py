@@ -75,7 +75,7 @@ def test_a_run_is_computed_once_and_tracked_once(inside, own: list[str], here: P
         assert "simulated 0, reused 1, scored 0" in inside(*own).stdout
     (result,) = (here / OUTPUT / "cache" / "run").glob("*/result.json")
     assert json.loads(result.read_text())["rows"][0]["value"] == 0.4
-    assert {p.name for p in (result.parent / "figures").iterdir()} == {"curve.png", "curve.pdf", "curve.html"}
+    assert {p.name for p in (result.parent / "figures").iterdir()} == {"curve.png", "curve.pdf"}
     assert list((here / OUTPUT).rglob("*.tmp")) == []
     assert query(here, "SELECT status, key, value FROM runs JOIN metrics USING (run_uuid)") == [("FINISHED", "correlation_1m", 0.4)]
     (product,) = (here / OUTPUT / "cache" / "recording").iterdir()

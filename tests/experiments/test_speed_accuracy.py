@@ -253,7 +253,7 @@ def test_options_in_choosing_make_the_measured_setting(problem: problems.Problem
 
 
 def test_choosing_page_follows_from_committed_results() -> None:
-    assert choosing.PAGE.read_text(encoding="utf-8") == choosing.text(*(choosing.read(name) for name in choosing.NAMES))
+    assert choosing.PAGE.read_text(encoding="utf-8") == choosing.text()
 
 
 def test_choosing_page_names_the_cause_of_every_sweep() -> None:

@@ -1,6 +1,5 @@
 "use strict";
-// The page works without this script, which adds sorting and filtering of tables and opens other pages in place.
-document.documentElement.classList.add("scripted");
+// The page works without this script, which adds sorting and filtering of tables.
 const make = (name, properties = {}, ...children) => {
   const one = Object.assign(document.createElement(name), properties);
   one.append(...children);
@@ -9,8 +8,7 @@ const make = (name, properties = {}, ...children) => {
 const LONG = 8; // a table with fewer rows has no filter
 
 function sortable(table) {
-  const heads = [...table.tHead.rows[0].cells], body = table.tBodies[0];
-  let given = null;
+  const heads = [...table.tHead.rows[0].cells], body = table.tBodies[0], given = [...body.rows];
   const value = (row, k) => {
     const text = row.cells[k].textContent.trim(), figure = Number.parseFloat(text.replace(/\u2212/g, "-").replace(/(?<=\d),(?=\d{3})/g, ""));
     return [Number.isNaN(figure), figure, text];
@@ -19,7 +17,6 @@ function sortable(table) {
     const button = make("button", {type: "button"}, ...head.childNodes);
     head.append(button);
     button.addEventListener("click", () => {
-      given ??= [...body.rows];
       const next = {none: "ascending", ascending: "descending", descending: "none"}[head.getAttribute("aria-sort") || "none"];
       heads.forEach(one => one.removeAttribute("aria-sort"));
       if (next === "none") { body.append(...given); return; }
@@ -35,26 +32,21 @@ function sortable(table) {
   });
 }
 
-const VERDICTS = ["supported", "direction-shown", "undecided", "contradicted", "not-testable-here", "holds", "misses"];
-const verdictOf = row => VERDICTS.find(one => row.classList.contains(one));
-
-function filterable(table, number) {
+function filterable(table) {
   const rows = [...table.tBodies[0].rows];
   if (rows.length < LONG) return;
-  const texts = new Map(rows.map(row => [row, null])), count = make("output", {id: `count-${number}`});
-  const words = make("input", {type: "search", placeholder: "words to find", autocomplete: "off"});
+  const words = make("input", {type: "search", placeholder: "words to find", autocomplete: "off"}), count = make("output");
   const verdict = make("select", {}, make("option", {value: ""}, "all verdicts"));
-  const kinds = [...new Set(rows.map(verdictOf))].filter(Boolean);
+  const kinds = [...new Set(rows.map(row => row.className))].filter(Boolean); // the class of a row is its verdict
   for (const kind of kinds) verdict.append(make("option", {value: kind}, kind.replaceAll("-", " ")));
   const apply = () => {
     const searched = words.value.toLowerCase().split(/\s+/).filter(Boolean);
-    let left = 0;
     for (const row of rows) {
-      if (searched.length && texts.get(row) === null) texts.set(row, row.textContent.toLowerCase());
-      const shown = (!verdict.value || row.classList.contains(verdict.value)) && searched.every(word => texts.get(row).includes(word));
+      const text = searched.length ? row.textContent.toLowerCase() : "";
+      const shown = (!verdict.value || row.classList.contains(verdict.value)) && searched.every(word => text.includes(word));
       row.classList.toggle("filtered", !shown);
-      left += shown;
     }
+    const left = rows.filter(row => !row.classList.contains("filtered")).length;
     count.textContent = left === rows.length ? `${left} rows` : `${left} of ${rows.length} rows`;
     table.dispatchEvent(new CustomEvent("filtered", {detail: verdict.value}));
   };
@@ -69,10 +61,10 @@ function filterable(table, number) {
 }
 
 // A folded table becomes sortable and filterable when it is first unfolded.
-document.querySelectorAll("table[data-tools]").forEach((table, number) => {
-  const folded = table.closest("details:not([open])"), prepare = () => { sortable(table); filterable(table, number); };
+for (const table of document.querySelectorAll("table[data-tools]")) {
+  const folded = table.closest("details:not([open])"), prepare = () => { sortable(table); filterable(table); };
   if (folded) folded.addEventListener("toggle", prepare, {once: true}); else prepare();
-});
+}
 
 // The counts of the summary become buttons that filter the claims.
 for (const cards of document.querySelectorAll("[data-filter]")) {
@@ -93,32 +85,6 @@ for (const cards of document.querySelectorAll("[data-filter]")) {
   });
 }
 
-// A button opens a linked page in place; the page is loaded only then.
-for (const link of document.querySelectorAll("a[data-here]")) {
-  const button = make("button", {type: "button", className: "here"}, "open here");
-  button.setAttribute("aria-expanded", "false");
-  button.setAttribute("aria-label", `${link.textContent}: open here`);
-  const holder = link.closest("figure") || link.closest("p");
-  let frame = null;
-  button.addEventListener("click", () => {
-    if (frame) { frame.remove(); frame = null; }
-    else {
-      frame = make("iframe", {src: link.href, title: link.textContent});
-      frame.setAttribute("sandbox", "allow-scripts");
-      if (holder.tagName === "FIGURE") holder.prepend(frame); else holder.after(frame);
-    }
-    button.setAttribute("aria-expanded", String(frame !== null));
-    button.textContent = frame ? "close" : "open here";
-  });
-  link.after(button);
-}
-
-// A page in a frame that reports its height gets that height.
-addEventListener("message", event => {
-  const frame = [...document.querySelectorAll("iframe[data-fit]")].find(one => one.contentWindow === event.source), tall = Number(event.data?.tall);
-  if (frame && tall > 100 && tall < 3000) frame.style.height = `${Math.ceil(tall) + 2}px`;
-});
-
 // A link to a row unfolds its table and shows the row even if a filter hides it.
 function reveal() {
   const row = location.hash.length > 1 && document.getElementById(decodeURIComponent(location.hash.slice(1)));
@@ -131,8 +97,7 @@ addEventListener("hashchange", reveal);
 reveal();
 
 // On a narrow screen the contents start folded; in print everything is unfolded.
-const contents = document.querySelector("#contents details");
-if (matchMedia("(max-width: 68rem)").matches) contents.open = false;
+if (matchMedia("(max-width: 68rem)").matches) document.querySelector("#contents details").open = false;
 let folded = [];
 addEventListener("beforeprint", () => {
   folded = [...document.querySelectorAll("details:not([open])")];

@@ -5,6 +5,7 @@ type.
 from __future__ import annotations
 
 import html
+import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from radartwin.io import files
-from radartwin.plotting import pages, style
+from radartwin.plotting import style
 from radartwin.radar.detection import Peaks
 from radartwin.radar.power_maps import PowerMaps
 from radartwin.radar.processing import decibels
@@ -49,13 +50,12 @@ def write_page(path: Path, room: str, scene: Scene, picture: Picture) -> Path:
     import matplotlib
 
     with matplotlib.rc_context(style.style()):
-        figure = draw(picture)
-        figure.draw_without_rendering()
-        figure.set_layout_engine("none")
-        echoes = pages.page(figure, "Echoes and their surfaces")
+        drawing = io.StringIO()
+        draw(picture).savefig(drawing, format="svg", metadata={"Date": None})
+    echoes = drawing.getvalue()
     parts = {
         "<!--ROOM-->": html.escape(room, quote=True),
-        "<!--ECHOES-->": html.escape(echoes, quote=True),
+        "<!--ECHOES-->": echoes[echoes.index("<svg") :],
         "<!--ROWS-->": "\n".join(_rows(scene, picture)),
     }
     text = PAGE.read_text(encoding="utf-8")
@@ -89,11 +89,10 @@ def draw(picture: Picture) -> Figure:
             left.annotate(str(number), (at_m, level), xytext=(0, 4), textcoords="offset points", ha="center", fontsize=7)
             right.plot([angle], [at_m], "o", mfc="none", mec="white", ms=6, mew=0.9)
             side = -1 if angle < -45 else 1  # the name must not leave the picture, in which negative angles are on the right
-            text = right.annotate(
+            right.annotate(
                 f"{number} {origin.surface}", (angle, at_m), xytext=(6 * side, 0), textcoords="offset points", color="white", fontsize=7,
                 va="center", ha="left" if side > 0 else "right",
             )  # fmt: skip
-            text.set_gid(f"peak{number}")
         figure.colorbar(image, ax=right, label="power (dB of transmitted power)")
     return figure
 
