@@ -166,12 +166,12 @@ simulation/flat/polygons: physics/test_polygons
 _edge_of | a[:], b[:] = first, second | a[:], b[:] = a, b | edges of earlier faces diffract on the last face
 _fringes | beams.order[b] + others.order[c] >= beams.chain.shape[1] | beams.order[b] + others.order[c] > 0 | no edge in mirrors
 _arriving | reflected(body.shape.faces, body.tables, out, way, chain) | 0 | antennas keep their polarisation in mirrors
+_beyond | 0.25 * math.pi - u_b * u_b | 0.25 * math.pi + u_b * u_b | the end of a face has the wrong phase
 
 simulation/flat/polygons: physics/test_objects_before_walls
 _polygon | 1 - edge_share(a, along, apex, receiver, wavenumber, ends.reach) | 1.0 | the currents that form the shadow count twice
 _fringe | shortn * (1 + net) | 0 * (1 + net) | grazing fringe currents do not end with their face
 _fringe | (shortn + begunn) * (1 - mirroredn) | 0 * (1 - mirroredn) | grazing fringe currents of an unlit face do not end
-_beyond | 0.25 * math.pi - u_b * u_b | 0.25 * math.pi + u_b * u_b | the end of a face has the wrong phase
 
 simulation/flat/silhouette: physics/test_objects_before_walls
 _mean_depth | (1 - square) ** 2 | 1e-9 | the outline of a turning body jumps from edge to edge

@@ -81,6 +81,15 @@ def test_plate_before_a_wall_matches_two_way_kirchhoff_at_every_offset(name):
     assert behind(PLATES[name], poses[some], named=False) == pytest.approx(found[some], abs=1e-3)
 
 
+@pytest.mark.parametrize(("width", "depth", "limit"), [(0.02, 0.03, 0.1), (0.003, 0.004, 0.03)])
+def test_bar_before_a_wall_matches_two_way_kirchhoff(width, depth, limit):
+    """The sides of a bar are wider than its front, and the radar sees them at grazing incidence."""
+    offsets, bar = np.arange(0, 0.1, 0.0025), objects.box((-depth, -width / 2, -0.065), (0, width / 2, 0.065))
+    y, z = (np.arange(-half + 2.5e-4, half, 5e-4) for half in (width / 2, 0.065))
+    exact = np.array([two_ways(np.ones((len(y), len(z))), y + offset, z) for offset in offsets])
+    assert np.abs(behind(bar, at([(PLACE, offset, 0.0) for offset in offsets])) - exact).max() < limit
+
+
 def picture(mesh, step=5e-4):
     """Return the projection of a mesh from the origin on the plane x = PLACE, as the arguments of `two_ways`."""
     flat = mesh.triangles[..., 1:] * PLACE / mesh.triangles[..., :1]

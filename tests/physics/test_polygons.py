@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 from physics_helpers import FREQUENCY, WAVELENGTH, K, coherent, relative_error
-from scipy.special import hankel2
+from scipy.integrate import quad
+from scipy.special import hankel2, wofz
 from test_three_dimensions import SCENES, all_answers, amplitudes, few_answers, posed, score, sheet, simulated
 
 import radartwin as rt
@@ -303,6 +304,25 @@ def test_fringe_currents_match_the_method_of_moments(soft, most_db):
     assert np.abs(without).max() > 5
     if soft:
         assert abs(decibels(tall_strip(0.1, np.radians(75), 1.0, axis, True) / strip(0.1, np.radians(75), 1.0, soft))) < 0.15
+
+
+@pytest.mark.parametrize(("a", "b"), [(0.3, 0.2), (-0.4, 0.5), (0.05, 0.9)])
+@pytest.mark.parametrize("reach", [2.0, 30.0])
+def test_currents_beyond_the_end_of_a_face_match_their_integral(a, b, reach):
+    """The current at the distance x from the edge is the Fresnel integral of half the angle of incidence. Its wave has the phase of 2 k x
+    sin^2(b/2) at the receiver. The path of integration turns in the complex plane, so that the wave decays: 2 k x = 2 k L - j u.
+    """
+
+    def radiated(start):
+        s_a, s_b = np.sin(abs(a) / 2), np.sin(b / 2)
+
+        def current(u):
+            return wofz(1j * np.exp(0.25j * np.pi) * np.sqrt(start - 1j * u) * s_a) * np.exp(-u * s_b**2)
+
+        return quad(current, 0, np.inf, complex_func=True)[0] * np.exp(-1j * start * s_b**2)
+
+    exact = radiated(2 * reach) / radiated(0.0) * np.cos(a) * np.cos(b)
+    assert polygons._beyond(a, b, reach) == pytest.approx(exact, abs=1e-4)
 
 
 def test_objects_with_curved_or_many_faces_have_no_polygons():
