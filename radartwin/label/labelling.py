@@ -125,7 +125,7 @@ def label_folder(folder: Path, options: LabelOptions, progress: Progress | None 
 
 def _provider(folder: Path, scene: Scene, options: LabelOptions) -> Provider:
     if options.provider == "server":
-        return Server(options.model or DEFAULT_MODEL, options.url, timeout_s=options.timeout_s, concurrency=options.concurrency)
+        return Server(options.url, options.model or DEFAULT_MODEL, options.timeout_s, concurrency=options.concurrency)
     if options.provider == "local":
         from radartwin.label.internvl import InternVL  # imports PyTorch
 

@@ -26,12 +26,11 @@ MIN_SHARE = 0.3  # a surface matches a surface of the other scan if at least thi
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Position of a surface, in metres: centroid (3,), normal (3,) (None if not flat), area, bounds (2, 3) and points on it (N, 3)."""
+    """Position of a surface, in metres: centroid (3,), normal (3,) (None if not flat), area, and points on it (N, 3)."""
 
     centroid: np.ndarray
     normal: np.ndarray | None
     area_m2: float
-    bounds: np.ndarray
     points: np.ndarray
 
     def to_dict(self) -> dict[str, Any]:
@@ -40,7 +39,6 @@ class Place:
             "centroid_m": _rounded(self.centroid, 2),
             "normal": None if self.normal is None else _rounded(self.normal, 3),
             "area_m2": round(self.area_m2, 3),
-            "bounds_m": [_rounded(corner, 2) for corner in self.bounds],
             "points_cm": np.rint(100 * self.points).astype(int).reshape(-1).tolist(),
         }
 
@@ -50,8 +48,7 @@ class Place:
         try:
             normal = None if values["normal"] is None else np.array(values["normal"], float).reshape(3)
             points = np.array(values["points_cm"], float).reshape(-1, 3) / 100
-            bounds = np.array(values["bounds_m"], float).reshape(2, 3)
-            return cls(np.array(values["centroid_m"], float).reshape(3), normal, float(values["area_m2"]), bounds, points)
+            return cls(np.array(values["centroid_m"], float).reshape(3), normal, float(values["area_m2"]), points)
         except KeyError as error:
             raise LabelError(f"the surface position of a recorded answer lacks {error}") from error
         except (TypeError, ValueError) as error:
@@ -69,7 +66,7 @@ def place_of(mesh: trimesh.Trimesh, spacing_m: float = SPACING_M) -> Place:
     count = max(MIN_POINTS, math.ceil(area / spacing_m**2))
     points = _spread_points(corners, doubled, count)
     centroid = np.average(corners.mean(axis=1), axis=0, weights=np.maximum(doubled, 1e-300))
-    return Place(centroid, mean / length if length > 0.8 else None, area, np.asarray(mesh.bounds, float), points)
+    return Place(centroid, mean / length if length > 0.8 else None, area, points)
 
 
 def matches(places: Sequence[Place], among: Sequence[Place]) -> list[tuple[int, float] | None]:

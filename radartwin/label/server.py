@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -25,72 +25,54 @@ if TYPE_CHECKING:
 DEFAULT_MODEL = "OpenGVLab/InternVL2_5-8B"
 DEFAULT_URL = "http://127.0.0.1:8000/v1"  # the default address of the command `vllm serve`
 KEY_VARIABLE = "RADARTWIN_VLM_KEY"
-MAX_TOKENS = 400
 
 
 @dataclass
-class Server:
+class Server(Endpoint):
     """A provider that answers material questions with the model of a server.
 
     Args:
-        concurrency: number of requests that are sent in parallel.
-        url, timeout_s, requests, pause_s: see `radartwin.io.chat.Endpoint`.
-        key: access token sent to the server; None takes the value of the environment variable RADARTWIN_VLM_KEY.
+        concurrency: number of requests that are sent in parallel. All other arguments are those of `radartwin.io.chat.Endpoint`.
     """
 
-    model: str = DEFAULT_MODEL
-    url: str = DEFAULT_URL
-    timeout_s: float = 120.0
     requests: int = 5
+    key_variable: str = KEY_VARIABLE
+    max_tokens: int = 400
     concurrency: int = 4
-    pause_s: float = 1.0
-    key: str | None = None
     name = "server"
-
-    def __post_init__(self) -> None:
-        self._endpoint = Endpoint(self.url, self.model, self.timeout_s, self.requests, self.pause_s, KEY_VARIABLE, MAX_TOKENS, self.key)
-
-    def __repr__(self) -> str:
-        return f"Server(model={self.model!r}, url={self._endpoint.shown!r})"
 
     def answers(self, questions: Sequence[Question]) -> Iterator[tuple[Question, Record]]:
         """Yield each material question with the record of its answer as soon as the answer arrives, in any order.
 
         Raises:
             BackendError: some questions have no answer. The error is raised after `answers` has yielded all answers that arrived. If the
-                server refuses a request or is unreachable, the error is raised at once.
+                server refuses a request or is unreachable, the other questions are not sent.
         """
-        down = self._endpoint.down
-        down.clear()
-        failed: list[BackendError] = []
-        with self._endpoint.client() as client, ThreadPoolExecutor(self.concurrency) as pool:
-            waiting = list(reversed(questions))
-            running: dict[Future[Record], Question] = {}
+        self.down.clear()
+        unanswered, error = len(questions), None
+        with self.client() as client, ThreadPoolExecutor(self.concurrency) as pool:
+            running = {pool.submit(self._record, client, question): question for question in questions}
             try:
-                while waiting or running:
-                    while waiting and len(running) < self.concurrency and not down.is_set():
-                        question = waiting.pop()
-                        running[pool.submit(self._record, client, question)] = question
-                    if not running:
-                        break
-                    for future in wait(running, return_when=FIRST_COMPLETED).done:
-                        question = running.pop(future)
-                        try:
-                            record = future.result()
-                        except BackendError as error:
-                            failed.append(error)
-                        else:
-                            yield question, record
+                for future in as_completed(running):
+                    try:
+                        record = future.result()
+                    except BackendError as problem:
+                        error = error or problem
+                        continue
+                    if record is not None:
+                        unanswered -= 1
+                        yield running[future], record
             finally:  # this block also runs if the caller stops the iteration
-                down.set()
-        if failed:
-            unanswered = len(failed) + len(waiting)
+                self.down.set()
+        if error is not None:
             raise BackendError(
-                f"{failed[0]}; {unanswered} of {len(questions)} questions are unanswered; run the same command again to ask only these "
-                "questions"
+                f"{error}; {unanswered} of {len(questions)} questions are unanswered; run the same command again to ask only these"
             )
 
-    def _record(self, client: httpx.Client, question: Question) -> Record:
+    def _record(self, client: httpx.Client, question: Question) -> Record | None:
+        """Return the record of the answer to a question; None if no further requests may be sent."""
+        if self.down.is_set():
+            return None
         pictures = [f"data:image/jpeg;base64,{base64.b64encode(crop.jpeg).decode()}" for crop in question.crops]
         shown = [{"type": "image_url", "image_url": {"url": picture}} for picture in pictures]
 
@@ -98,11 +80,11 @@ class Server:
             first, *others = conversation
             messages = [{"role": first["role"], "content": [*shown, {"type": "text", "text": first["content"]}]}, *others]
             try:
-                return self._endpoint.complete(messages, schema(question.kind), f"answer_about_{question.kind}", client)
+                return self.complete(messages, schema(question.kind), f"answer_about_{question.kind}", client)
             except NoAnswerInTime:  # the requests of the other questions continue
                 raise
             except BackendError:
-                self._endpoint.down.set()
+                self.down.set()
                 raise
 
         return Record.of(question, ask(question, complete), self.model, self.name)

@@ -15,14 +15,17 @@ rms height h and the wavenumber k at the middle of the sweep (Ament's factor, `r
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.materials.itu import P2040
 from radartwin.materials.layers import Layered, reflection, stack_coefficients
-from radartwin.materials.permittivity_by_name import permittivity, split
+from radartwin.materials.permittivity_by_name import split
 
 INCIDENCE_DEG = np.arange(0.0, 81.0, 2.0)
+COSINES = np.cos(np.radians(INCIDENCE_DEG))[:, None]
 SWEEP_HZ = np.linspace(77e9, 80.44e9, 33)
 # Lower limit of the reflectivity in dB. The limit, like the level of the diffuse echoes of a room, is about 30 dB below the reflectivity of
 # plaster.
@@ -30,67 +33,41 @@ FLOOR_DB = -40.0
 SMOOTHEST_M = 2e-6  # rms height of a glazed or polished face; a face of lower rms height has no measurable diffuse echo
 
 
-def reflectivity_db(
-    material: str | Layered, frequency_hz: np.ndarray | float = SWEEP_HZ, incidence_deg: np.ndarray = INCIDENCE_DEG
-) -> np.ndarray:
-    """Compute the reflectivity of a material for an unpolarised field in dB, averaged over the frequencies and at least FLOOR_DB.
-
-    The result has the shape of `incidence_deg`.
+def reflectivity_db(material: str | Layered) -> np.ndarray:
+    """Compute the reflectivity of a material for an unpolarised field in dB at the angles INCIDENCE_DEG, at least FLOOR_DB.
 
     Raises:
         MaterialError: unknown material, or a material without values at these frequencies.
 
-    >>> float(np.round(reflectivity_db("metal", 77e9, np.array([0.0]))[0], 1) + 0)
+    >>> float(np.round(reflectivity_db("metal")[0], 1) + 0)
     0.0
     """
-    cosine, frequency = _grid(frequency_hz, incidence_deg)
-    return _level(*reflection(material, cosine, frequency))
+    return _level(*reflection(material, COSINES, SWEEP_HZ))
 
 
-def distance_db(first: str | Layered, second: str | Layered, frequency_hz: np.ndarray | float = SWEEP_HZ) -> float:
+def distance_db(first: str | Layered, second: str | Layered) -> float:
     """Compute the electromagnetic distance of two materials in dB, as defined at the top of this module.
 
     >>> distance_db("glass", "glass")
     0.0
     """
-    return float(np.mean(np.abs(reflectivity_db(first, frequency_hz) - reflectivity_db(second, frequency_hz))))
+    return float(np.mean(np.abs(reflectivity_db(first) - reflectivity_db(second))))
 
 
-def closest(target: complex, among: tuple[str, ...], frequency_hz: np.ndarray | float = SWEEP_HZ) -> tuple[str, float]:
-    """Find the material whose half-space reflects most like a half-space of a given permittivity.
+def closest(target: complex, among: Sequence[str]) -> str:
+    """Return the name in `among` whose half-space reflects most like a half-space of the permittivity `target` = eta' - j eta''.
 
-    Args:
-        target: permittivity eta' - j eta'' of the half-space to match, constant over the frequencies.
-        among: names of candidate materials. If several candidates are equally close, the function returns the first of them.
-        frequency_hz: frequencies in Hz over which the reflectivity is averaged.
-    Returns:
-        name: the closest material.
-        distance: its electromagnetic distance from the half-space of permittivity `target`, dB.
+    If several materials are equally close, the function returns the first of them.
     """
-    cosine, frequency = _grid(frequency_hz, INCIDENCE_DEG)
-    te, tm, *_ = stack_coefficients([], [], np.full(frequency.shape, target), cosine, frequency)
+    te, tm, *_ = stack_coefficients([], [], np.full(SWEEP_HZ.shape, target), COSINES, SWEEP_HZ)
     level = _level(te, tm)
-    half_spaces = {name: Layered([], backing=name) for name in among}
-    distances = {name: float(np.mean(np.abs(reflectivity_db(half, frequency_hz) - level))) for name, half in half_spaces.items()}
-    best = min(distances, key=lambda name: distances[name])
-    return best, distances[best]
+    return min(among, key=lambda name: float(np.mean(np.abs(reflectivity_db(Layered([], backing=name)) - level))))
 
 
-def in_range(name: str, frequency_hz: float = 77e9) -> bool:
-    """Return whether a plain material has permittivity values of its own at a frequency, so that no substitute material replaces it.
-
-    Raises:
-        MaterialError: the material is a plastic or liquid without values at this frequency.
-    """
+def in_range(name: str) -> bool:
+    """Return whether a plain material has permittivity values of its own at 77 GHz, so that no substitute material replaces it."""
     base = split(name)[0]
-    if base in P2040:
-        return any(fit.low_ghz * 1e9 <= frequency_hz <= fit.high_ghz * 1e9 for fit in P2040[base])
-    permittivity(name, frequency_hz)
-    return True
-
-
-def _grid(frequency_hz: np.ndarray | float, incidence_deg: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return np.cos(np.radians(np.asarray(incidence_deg, float)))[:, None], np.atleast_1d(np.asarray(frequency_hz, float))[None]
+    return base not in P2040 or any(fit.low_ghz <= 77 <= fit.high_ghz for fit in P2040[base])
 
 
 def _level(te: np.ndarray, tm: np.ndarray) -> np.ndarray:

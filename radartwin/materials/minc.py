@@ -22,8 +22,6 @@ from radartwin.materials.distance import in_range
 from radartwin.materials.layers import Layered, common_sheet
 from radartwin.materials.roughness import correlation_m, roughness_m
 
-FREQUENCY_HZ = 77e9
-
 
 @dataclass(frozen=True)
 class Row:
@@ -48,17 +46,13 @@ class Row:
         """Correlation length of the surface height in metres."""
         return correlation_m(self.texture)
 
-    def stand_in(self, frequency_hz: float = FREQUENCY_HZ, exact: bool = False) -> bool:
+    def stand_in(self, exact: bool = False) -> bool:
         """Return whether the material is a substitute for the category's real material.
 
-        The material is a substitute if `proxy` is true, if it has no fit at this frequency, or if the layer stack is uncertain.
-
-        Args:
-            frequency_hz: frequency in Hz.
-            exact: whether the layer stack is known from another source; the field `uncertain` then has no effect.
+        The material is a substitute if `proxy` is true, if it has no fit at 77 GHz, or if the layer stack is uncertain. If the layer stack
+        is known from another source (`exact`), the field `uncertain` has no effect.
         """
-        unknown = self.uncertain and not exact
-        return self.proxy or unknown or not all(in_range(name, frequency_hz) for name in names_in(self.material))
+        return self.proxy or (self.uncertain and not exact) or not all(map(in_range, names_in(self.material)))
 
 
 def names_in(material: str | Layered) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ import re
 from dataclasses import dataclass, replace
 
 from radartwin.errors import MaterialError
-from radartwin.materials.distance import SWEEP_HZ, closest, in_range
+from radartwin.materials.distance import closest, in_range
 from radartwin.materials.itu import P2040
 from radartwin.materials.layers import Layered
 from radartwin.materials.minc import CATEGORIES, MINC, row
@@ -106,8 +106,7 @@ def resolve(name: str) -> Resolved:
         return replace(resolve(_ROW_OF[plain]), name=plain)
     if plain in PERMITTIVITY:
         real, loss = PERMITTIVITY[plain]
-        material, _ = closest(real * (1 - 1j * loss), ("air", *(n for n in P2040 if in_range(n))), SWEEP_HZ)
-        return Resolved(plain, material, None, True)
+        return Resolved(plain, closest(real * (1 - 1j * loss), ["air", *filter(in_range, P2040)]), None, True)
     raise MaterialError(f"unknown material {name!r}; known: {', '.join(known_names())}")
 
 

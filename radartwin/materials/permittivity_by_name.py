@@ -15,6 +15,7 @@ from radartwin.errors import MaterialError
 from radartwin.materials import containers, itu
 
 MATERIAL_NAMES = tuple(sorted({*itu.P2040, *containers.NAMES}))
+EXACT = ("metal", *containers.EMPTY)  # materials whose permittivity has no spread
 _MARK = "~"
 
 
@@ -40,10 +41,13 @@ def varied(name: str, real: float, loss: float) -> str:
     """Return the material name `name` with the factors `real` and `loss` on the real and imaginary part of the permittivity.
 
     If `name` already has factors, the function multiplies them by `real` and `loss`. The function rounds all factors to four decimals.
+    Metal, air and vacuum do not vary.
 
-    >>> varied("glass", 1.05, 0.8)
-    'glass~1.0500~0.8000'
+    >>> varied("glass", 1.05, 0.8), varied("metal", 1.05, 0.8)
+    ('glass~1.0500~0.8000', 'metal')
     """
+    if name in EXACT:
+        return name
     base, real_before, loss_before = split(name)
     return f"{base}{_MARK}{real_before * real:.4f}{_MARK}{loss_before * loss:.4f}"
 

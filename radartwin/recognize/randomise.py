@@ -50,7 +50,6 @@ LEVEL_DB, CHANNEL_DB, CHANNEL_DEG, NOISE_DB = 3.0, 1.0, 9.0, 3.0
 CORNERS_HZ = ((175e3, 235e3, 350e3, 700e3), (350e3, 700e3, 1400e3, 2800e3))  # of the first and the second high-pass stage
 WALL, LOSS = 0.10, 2.0
 MESH_M = 0.3e-3
-_EXACT = ("metal", "air", "vacuum")
 
 
 @dataclass(frozen=True)
@@ -122,9 +121,9 @@ def target(surfaces: Sequence[Surface], strengths: Randomisation, seed: int | Se
     for surface in surfaces:
         if strengths.wall:
             stack = layered(surface.material)
-            layers = [(_varied(name, real, loss), depth * float(thickness)) for name, depth in stack.layers]
+            layers = [(varied(name, real, loss), depth * float(thickness)) for name, depth in stack.layers]
             simple = isinstance(surface.material, str)
-            backing = stack.backing if stack.layers else _varied(stack.backing, real, loss)
+            backing = stack.backing if stack.layers else varied(stack.backing, real, loss)
             surface = surface.replaced(material=backing if simple and not layers else Layered(layers, backing=backing))
         if strengths.mesh:
             surface = surface.replaced(mesh=deformed(surface.mesh, moved), role=surface.kind)
@@ -222,10 +221,6 @@ def _with_channels(processed: Processed, channels: NDArray[np.complex64], noise_
     power = (processed.power * (after / np.maximum(before, np.finfo(np.float32).tiny))).astype(np.float32)
     noise = None if processed.noise is None else (processed.noise * noise_gain).astype(np.float32)
     return replace(processed, channels=channels, power=power, doppler=None, noise=noise)
-
-
-def _varied(name: str, real: float, loss: float) -> str:
-    return name if name in _EXACT else varied(name, float(real), float(loss))
 
 
 def _generator(seed: int | Sequence[int], name: bytes) -> np.random.Generator:

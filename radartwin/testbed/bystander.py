@@ -24,7 +24,7 @@ from radartwin.scene.collision import overlap_m
 from radartwin.scene.objects import shapes, vessels
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import pose
-from radartwin.testbed.motion_errors import wander
+from radartwin.testbed.motion_errors import about_z, wander
 
 NAME = "person"
 SWAY_M, SWAY_S = 0.004, 1.0
@@ -73,8 +73,7 @@ def place(room: Scene, sensor_poses: np.ndarray, target: np.ndarray, rng: np.ran
             continue
         standing = cylinder.copy().apply_translation([*at, 0.05 + 1.75 / 2])
         if not any(overlap_m(standing, s.mesh) for s in others):
-            cosine, sine = np.cos(turn), np.sin(turn)
-            return pose([*at, 0.005], np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]))
+            return pose([*at, 0.005], about_z(turn))
     raise SceneError(f"no free place for a person within {FAR_M:g} m of the radar; set measured.gap.person=0 for this room")
 
 

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from radartwin.scene.scene import Surface
 from radartwin.scene.trajectories.trajectory import pose
+from radartwin.testbed.motion_errors import wander
 
 REACH = 2.0  # largest absolute temperature state, in standard deviations; the random process is reflected at this value
 STEP_M = 0.2e-3  # largest shift of an object between two neighbouring simulated temperature states, in metres
@@ -101,9 +102,5 @@ def shifted(surfaces: Iterable[Surface], names: Collection[str], state: float, e
 
 def course(times_s: NDArray[np.float64], errors: DriftErrors, seed: int) -> NDArray[np.float64]:
     """Draw the temperature state (F,) at each frame of one recording, in standard deviations: a stationary process reflected at +-REACH."""
-    draws = np.random.default_rng(np.random.SeedSequence([seed, *b"drift of a recording"])).standard_normal(len(times_s))
-    memory = np.exp(-np.maximum(np.diff(times_s, prepend=times_s[:1]), 0.0) / errors.settling_s)
-    out = draws.copy()
-    for f in range(1, len(out)):
-        out[f] = memory[f] * out[f - 1] + np.sqrt(1 - memory[f] ** 2) * draws[f]
+    out = wander(times_s, errors.settling_s, np.random.default_rng(np.random.SeedSequence([seed, *b"drift of a recording"])))
     return REACH - np.abs((out + REACH) % (4 * REACH) - 2 * REACH)  # reflects the process at both ends, without jumps or clipping

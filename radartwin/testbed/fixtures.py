@@ -16,6 +16,7 @@ from radartwin.scene import objects
 from radartwin.scene.rooms import GAP, surface
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import pose
+from radartwin.testbed.motion_errors import about_z
 
 ROVER = "rover"  # surface name of all parts of a rover, which move together
 _BELOW = 0.05  # distance in metres from the radar's origin down to its mount: half a board and a bracket
@@ -111,9 +112,8 @@ def _fixture(name: str, mesh: trimesh.Trimesh, finish: str) -> Surface:
 
 
 def _turned_box(centre: list[float], size: list[float], yaw_deg: float) -> trimesh.Trimesh:
-    half, angle = np.array(size) / 2, np.radians(yaw_deg)
-    turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
-    return objects.box((-half).tolist(), half.tolist()).apply_transform(pose(centre, turn))
+    half = np.array(size) / 2
+    return objects.box((-half).tolist(), half.tolist()).apply_transform(pose(centre, about_z(np.radians(yaw_deg))))
 
 
 def _rod(one: np.ndarray, other: np.ndarray, radius_m: float) -> trimesh.Trimesh:

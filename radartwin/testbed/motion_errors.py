@@ -35,7 +35,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 
@@ -178,9 +178,9 @@ def rover(poses: NDArray[np.float64], errors: RoverErrors, rng: np.random.Genera
     if errors.none():
         return poses.copy()
     ripple = np.divide(sign * errors.ripple_m * np.diff(np.sin(turn)), long, out=np.zeros_like(long), where=long > 0)
-    moved = _about_z(heading[:-1]) @ (steps * (1 + errors.slip * slow + ripple)[:, None])[..., None]
+    moved = about_z(heading[:-1]) @ (steps * (1 + errors.slip * slow + ripple)[:, None])[..., None]
     out = poses.copy()
-    out[:, :3, :3] = _about_z(heading) @ poses[:, :3, :3]
+    out[:, :3, :3] = about_z(heading) @ poses[:, :3, :3]
     out[1:, :3, 3] = poses[0, :3, 3] + np.cumsum(moved[..., 0], axis=0)
     out[:, :2, 3] += start
     out[:, 2, 3] += bob
@@ -229,7 +229,7 @@ def turntable(poses: NDArray[np.float64], errors: TurntableErrors, rng: np.rando
     # The tilt of the stand stays constant, and the tilt of the disc rotates with the disc.
     fixed, turning = (Rotation.from_rotvec([x, y, 0.0]).as_matrix() for x, y in tilts)
     out = poses.copy()
-    spun = _about_z(error) @ poses[:, :3, :3]
+    spun = about_z(error) @ poses[:, :3, :3]
     out[:, :3, :3] = fixed @ spun @ turning
     pivot = np.array([0.0, 0.0, errors.pivot_m])
     out[:, :3, 3] += out[:, :3, :3] @ pivot - pivot
@@ -250,7 +250,7 @@ def placed(motion: Mapping[str, NDArray[np.float64]], errors: PlacementErrors, r
     out = {}
     for name, poses in motion.items():
         on_it = np.eye(4)
-        on_it[:3, :3] = _about_z(np.array(yaw))
+        on_it[:3, :3] = about_z(yaw)
         if turns(poses):
             on_it[:2, 3] = eccentric
         out[name] = poses @ on_it
@@ -260,17 +260,17 @@ def placed(motion: Mapping[str, NDArray[np.float64]], errors: PlacementErrors, r
 
 def wander(path: NDArray[np.float64], length: float, rng: np.random.Generator) -> NDArray[np.float64]:
     """Draw a stationary Ornstein-Uhlenbeck process of unit variance along a path (F,), with the correlation length `length` in the
-    unit of the path (metres, seconds or radians).
+    unit of the path (metres, seconds or radians). The process keeps its value where the path runs back, as times with jitter may.
     """
     draws = rng.standard_normal(len(path))
-    memory = np.exp(-np.diff(path, prepend=path[:1]) / length)
+    memory = np.exp(-np.maximum(np.diff(path, prepend=path[:1]), 0.0) / length)
     out = draws.copy()
     for i in range(1, len(path)):
         out[i] = memory[i] * out[i - 1] + np.sqrt(1 - memory[i] ** 2) * draws[i]
     return out
 
 
-def _about_z(angle: NDArray[np.float64]) -> NDArray[np.float64]:
+def about_z(angle: ArrayLike) -> NDArray[np.float64]:
     """Return the matrices (..., 3, 3) that rotate about the vertical axis by `angle` (...,) in radians."""
     out = np.zeros((*np.shape(angle), 3, 3))
     out[..., 0, 0] = out[..., 1, 1] = np.cos(angle)

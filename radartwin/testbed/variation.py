@@ -18,8 +18,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from radartwin.materials import Layered, layered, varied
+from radartwin.materials import Layered, half_space, layered, varied
 from radartwin.materials.containers import LIQUIDS
+from radartwin.materials.permittivity_by_name import split
 from radartwin.scene.scene import Surface
 
 THICKNESS_SIGMA = 0.05
@@ -30,7 +31,6 @@ ROUGHNESS_M = {"metal": 0.1e-3, **dict.fromkeys(("glass", "ceramic", "porcelain"
 ROUGHNESS_OTHER_M = 0.3e-3
 CONTENTS_SIGMA = 0.10
 HEADSPACE = 0.10  # mean height of the empty space at the top of a filled vessel, as a fraction of the vessel's height
-_EXACT = ("metal", "air", "vacuum")
 
 
 def own_material(surface: Surface, strength: float, rng: np.random.Generator) -> Surface:
@@ -59,7 +59,8 @@ def own_roughness(surface: Surface, strength: float, rng: np.random.Generator) -
         return surface
     if surface.roughness_m:
         return surface.replaced(roughness_m=factor * surface.roughness_m)
-    return surface.replaced(roughness_m=strength * ROUGHNESS_M.get(_outermost(surface.material), ROUGHNESS_OTHER_M))
+    outermost = split(half_space(surface.material).backing)[0]  # without the deviations that `varied` writes behind the name
+    return surface.replaced(roughness_m=strength * ROUGHNESS_M.get(outermost, ROUGHNESS_OTHER_M))
 
 
 def own_contents(surface: Surface, strength: float, rng: np.random.Generator) -> list[Surface]:
@@ -83,11 +84,5 @@ def own_contents(surface: Surface, strength: float, rng: np.random.Generator) ->
     return parts
 
 
-def _outermost(material: str | Layered) -> str:
-    """Return the name of the outermost material, without the deviations that `varied` writes behind this name."""
-    stack = layered(material)
-    return (stack.layers[0][0] if stack.layers else stack.backing).split("~")[0]
-
-
 def _varied(name: str, real: float, loss: float) -> str:
-    return name if name in _EXACT or name in LIQUIDS else varied(name, float(real), float(loss))
+    return name if name in LIQUIDS else varied(name, real, loss)

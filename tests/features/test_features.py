@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from echoes import BIN_M, RADAR, echoes
 
-from radartwin.errors import ConfigError, InputError
 from radartwin.features import align, doppler, envelope, extent, sets, track, window
-from radartwin.features.families import SETS, families
+from radartwin.features.families import SETS
 from radartwin.features.log import Nominal as Log
 from radartwin.features.processed import Processed, process
 from radartwin.features.signature import signature
@@ -93,17 +92,6 @@ def test_crest_factor_and_entropy_of_a_quarter_pulse() -> None:
         assert envelope.entropy(pulse) == pytest.approx(np.log(FRAMES // 4) / np.log(FRAMES))
 
 
-def test_invalid_envelope_is_refused() -> None:
-    with pytest.raises(InputError, match="above the noise"):
-        envelope.harmonics(np.full(64, -1.0))
-    with pytest.raises(InputError, match="do not resolve 6 cycles"):
-        envelope.harmonics(np.ones(12))
-    with pytest.raises(InputError, match="not a revolution"):
-        envelope.revolution(np.ones(32), angle()[:32])
-    with pytest.raises(InputError, match="turn in one direction"):
-        envelope.revolution(np.ones(128), np.concatenate([angle(), angle()]))
-
-
 # Range
 
 
@@ -146,12 +134,6 @@ def test_track_follows_a_fading_target_past_a_stronger_flash() -> None:
     found = track.track(made, 0.9, 1.9, RADAR.frame_rate_hz)
     assert np.abs(found - along).max() < 0.05
     assert np.abs(track.brightest(made, 0.9, 1.9) - along).max() > 0.2  # the brightest bin of each frame jumps
-
-
-def test_search_window_without_bins_is_refused() -> None:
-    made = process(echoes(2, [(1.0, 1.0)]))
-    with pytest.raises(InputError, match="frame 1 is searched"):
-        track.track(made, np.array([0.5, 5.8]), np.array([1.0, 6.0]), 10.0)
 
 
 def test_window_has_the_energy_of_echoes_at_their_distance_from_the_target() -> None:
@@ -205,8 +187,6 @@ def test_noise_does_not_change_the_brightness() -> None:
     noisy = envelope.target_energy(process(echoes(60, [(1e-4, AXIS_M)], noise=2e-3)), AXIS_M)
     where = np.full(60, AXIS_M)
     assert envelope.brightness_db(noisy, where) == pytest.approx(envelope.brightness_db(clean, where), abs=0.4)
-    with pytest.raises(InputError, match="not above the noise"):
-        envelope.brightness_db(-clean, where)
 
 
 # Angle
@@ -304,10 +284,6 @@ def test_radial_velocity_does_not_depend_on_scale_range_and_phase() -> None:
 
 def test_range_rate_is_the_slope() -> None:
     assert doppler.range_rate(0.3 * np.arange(12) / 10, 10.0) == pytest.approx(0.3)
-    with pytest.raises(InputError, match="three frames"):
-        doppler.range_rate(np.ones(2), 10.0)
-    with pytest.raises(InputError, match="without Doppler"):
-        doppler.radial_velocity(process(echoes(1, [(1.0, 1.0)]), doppler=False), 1.0)
 
 
 # Range-Doppler signature of a revolution
@@ -414,17 +390,3 @@ def test_target_below_the_noise_has_finite_features() -> None:
     for name in SETS:
         assert np.isfinite(sets.vector(quiet, at_rest(FRAMES, AXIS_M, 1.0), name)[1]).all()
         assert np.isfinite(sets.frames(quiet, at_rest(FRAMES, AXIS_M, 1.0), name)[1]).all()
-
-
-def test_unknown_sets_families_and_invalid_logs_are_named() -> None:
-    made = process(echoes(3, [(1.0, 1.0)]))
-    with pytest.raises(ConfigError, match=r"features\.name=spin is unknown; options: rotation, depth, lateral, raw"):
-        sets.vector(made, at_rest(3, 1.0), "spin")
-    with pytest.raises(ConfigError, match="track is not in features=rotation"):
-        families("rotation", ["track"])
-    with pytest.raises(ConfigError, match="excludes every family"):
-        families("raw", ["profile"])
-    with pytest.raises(InputError, match="3 frames"):
-        sets.vector(made, at_rest(4, 1.0), "depth")
-    with pytest.raises(InputError, match="no turntable angle"):
-        sets.vector(made, at_rest(3, 1.0), "rotation")

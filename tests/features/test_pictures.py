@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from echoes import BIN_M, RADAR, echoes
 
-from radartwin.errors import InputError
 from radartwin.features.pictures import COLUMNS, ROWS, SHAPE, flattened, picture, sector_weights
 from radartwin.features.processed import Processed, process
 from radartwin.features.signature import signature
@@ -116,13 +115,3 @@ def test_flattened_cells_keep_the_order_of_the_picture():
     assert np.array_equal(values.reshape(SHAPE), shown)
     assert len(set(names)) == len(values)
     assert names[ROWS * COLUMNS + COLUMNS + 1] == f"doppler 1 bin {1 - COLUMNS // 2:+d}"
-
-
-def test_messages_name_the_mistake():
-    processed = turning()
-    with pytest.raises(InputError, match="not a revolution"):
-        picture(processed, angle(FRAMES, 2 * FRAMES), AXIS_M)
-    with pytest.raises(InputError, match="no energy"):
-        picture(replace(processed, channels=np.zeros_like(processed.channels)), angle(), AXIS_M)
-    with pytest.raises(InputError, match="too few"):
-        picture(processed, angle(), AXIS_M, rows=1)

@@ -445,8 +445,3 @@ def test_unmatched_surfaces_do_not_count_and_truth_needs_categories() -> None:
     blank = Scene([dataclasses.replace(s, provenance={"source": "true"}) for s in truth])
     with pytest.raises(SceneError, match="true surface 's0' has no MINC category"):
         judge(labelled, blank)
-
-
-def test_label_has_the_correlation_length_of_its_roughness_class() -> None:
-    roughness = material_of(Answer("stone", 0.9, "wall"))[1]
-    assert (roughness.height_m, roughness.correlation_m) == (1e-3, 10e-3)

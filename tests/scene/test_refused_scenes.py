@@ -21,7 +21,7 @@ from radartwin.scene.layouts.grammar import parse
 from radartwin.scene.layouts.layout import Layout
 from radartwin.scene.layouts.model import read_sentence
 from radartwin.scene.layouts.stock import stock
-from radartwin.scene.objects import vessels
+from radartwin.scene.objects import assortment, vessels
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories import trajectory
 from radartwin.scene.trajectories.file import parse_track, read_track
@@ -116,6 +116,7 @@ PATH = trajectory.depth_sweep(START, 1.2)
 CRATE = Scene([Surface(objects.box([1, 0.5, 0], [1.5, 1.5, 1]), "wood", "crate")])
 WALLS = Scene([Surface(wall(5.0), "concrete", "back"), Surface(wall(1.43), "concrete", "front")])
 COUNTS: Any = (0, -1, 1.5)
+JAR = {"kind": "jar", "name": "jam", "material": "glass", "contents": "", "width_mm": "80", "depth_mm": "80", "height_mm": "90"}
 DOOR = [{"relation": "in front of", "anchor": "door", "distance_m": 2.0}]
 
 ROWS: list[Row] = [
@@ -130,6 +131,7 @@ ROWS: list[Row] = [
     (MeshError, "half width and depth must be positive", lambda _: vessels.oval([(0, 1, 1, 2), (1, -1, 1, 2)])),
     (MeshError, "the exponent at least 1", lambda _: vessels.oval([(0, 1, 1, 0.5), (1, 1, 1, 2)])),
     (SceneError, r"no object .mugg.; choose .*mug", lambda _: objects.make("mugg")),
+    (SceneError, "jam is of the unknown kind 'jar'; choose canister, drink can, .*mug", lambda _: assortment._entry(JAR)),
     (SceneError, "no texture 'tweed'", lambda _: textures.textured(box(), "tweed")),
     (SceneError, "choose lab, atrium, squash_court", lambda _: rooms.room("attic")),
     (SceneError, "no option 'back'; it takes size_m, detail", lambda _: rooms.room("lab", back="glass")),

@@ -36,6 +36,7 @@ from numpy.typing import NDArray
 from radartwin.errors import InputError, MissingError, UserError
 from radartwin.radar.description_files import read_yaml
 from radartwin.scene import objects as catalogue_objects
+from radartwin.scene.layouts.layout import STACK, json_object, schema_problem
 from radartwin.scene.layouts.stock import from_mesh
 from radartwin.scene.mesh_file import METRES, TO_Z_UP
 from radartwin.scene.storage import material_from_json
@@ -47,38 +48,17 @@ NAME = re.compile(r"\w[\w .+-]{0,59}")
 OF_MESH = ("material", "unit", "up")  # keys that an object of the catalogue does not have
 _REMEDY = "write a list of objects under the key objects (docs/own-objects.md has an example)"
 _TEXT = {"type": "string", "minLength": 1}
-SCHEMA: dict[str, Any] = {
-    "type": "object",
-    "additionalProperties": False,
-    "required": ["objects"],
-    "properties": {
-        "objects": {
-            "type": "array",
-            "items": {
-                "type": "object",
-                "additionalProperties": False,
-                "required": ["name"],
-                "properties": {
-                    "name": _TEXT,
-                    "mesh": _TEXT,
-                    "catalogue": _TEXT,
-                    "unit": {"enum": list(METRES)},
-                    "up": {"enum": list(TO_Z_UP)},
-                    "material": {
-                        "type": ["string", "object"],
-                        "additionalProperties": False,
-                        "required": ["layers"],
-                        "properties": {
-                            "layers": {"type": "array", "items": {"type": "array", "minItems": 2, "maxItems": 2}},
-                            "backing": {"type": "string"},
-                        },
-                    },
-                    "description": _TEXT,
-                },
-            },
-        }
-    },
-}
+_ITEM = json_object(
+    ["name"],
+    name=_TEXT,
+    mesh=_TEXT,
+    catalogue=_TEXT,
+    unit={"enum": list(METRES)},
+    up={"enum": list(TO_Z_UP)},
+    material=STACK | {"type": ["string", "object"]},
+    description=_TEXT,
+)
+SCHEMA = json_object(["objects"], objects={"type": "array", "items": _ITEM})
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,16 +154,11 @@ def anchors(objects: Sequence[OwnObject]) -> dict[str, NDArray[np.float32]]:
 
 
 def _entries(path: Path) -> list[dict[str, Any]]:
-    from jsonschema import Draft202012Validator
-    from jsonschema.exceptions import best_match
-
     if not path.is_file():
         raise MissingError(f"{path}: no such file; {_REMEDY}")
     value = read_yaml(path, "a list under the key objects")
-    error = best_match(Draft202012Validator(SCHEMA).iter_errors(value))
-    if error is not None:
-        place = error.json_path.removeprefix("$").removeprefix(".") or "the document"
-        raise InputError(f"{path}: {place}: {' '.join(error.message.split())[:160]}; {_REMEDY}")
+    if problem := schema_problem(value, SCHEMA):
+        raise InputError(f"{path}: {problem}; {_REMEDY}")
     return value["objects"]
 
 

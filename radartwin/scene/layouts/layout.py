@@ -57,17 +57,18 @@ SENSOR_NAMES = ("sensor", "radar")
 _NUMBER = {"type": "number", "minimum": -100, "maximum": 100}
 
 
-def _object(required: list[str], **properties: Any) -> dict[str, Any]:
+def json_object(required: list[str], **properties: Any) -> dict[str, Any]:
+    """Return the JSON schema of an object that has only the given properties."""
     return {"type": "object", "additionalProperties": False, "required": required, "properties": properties}
 
 
-_RELATION = _object(
+_RELATION = json_object(
     ["relation", "anchor"],
     relation={"enum": list(RELATIONS)},
     anchor={"type": "string", "minLength": 1},
     distance_m={"type": ["number", "null"], "minimum": 0, "maximum": 100},
 )
-_ITEM = _object(
+_ITEM = json_object(
     ["object"],
     object={"type": "string", "minLength": 1},
     name={"type": ["string", "null"]},
@@ -77,15 +78,28 @@ _ITEM = _object(
     yaw_deg={"type": ["number", "null"]},
     held={"type": ["boolean", "null"]},
 )
-SCHEMA = _object(["objects"], objects={"type": "array", "minItems": 1, "items": _ITEM})
+SCHEMA = json_object(["objects"], objects={"type": "array", "minItems": 1, "items": _ITEM})
 
 FILE_SCHEMA = copy.deepcopy(SCHEMA)  # schema of a layout file, in which an object may also be a mesh file
-_STACK = _object(["layers"], layers={"type": "array", "items": {"type": "array", "minItems": 2, "maxItems": 2}}, backing={"type": "string"})
+STACK = json_object(
+    ["layers"], layers={"type": "array", "items": {"type": "array", "minItems": 2, "maxItems": 2}}, backing={"type": "string"}
+)
 FILE_SCHEMA["properties"]["objects"]["items"]["properties"] |= {
-    "material": _STACK | {"type": ["string", "null", "object"]},
+    "material": STACK | {"type": ["string", "null", "object"]},
     "unit": {"enum": [*METRES, None]},
     "up": {"enum": [*TO_Z_UP, None]},
 }
+
+
+def schema_problem(value: Any, schema: Mapping[str, Any]) -> str:
+    """Return the place and the message of the most relevant violation of a JSON schema in one line, or "" if there is none."""
+    from jsonschema import Draft202012Validator
+    from jsonschema.exceptions import best_match
+
+    error = best_match(Draft202012Validator(schema).iter_errors(value))
+    if error is None:
+        return ""
+    return f"{error.json_path.removeprefix('$').removeprefix('.') or 'the document'}: {' '.join(error.message.split())[:200]}"
 
 
 @dataclass(frozen=True)
@@ -137,13 +151,8 @@ class Layout:
         Raises:
             LayoutError: the document is not a layout; the message has a single line and names the wrong entry of the document.
         """
-        from jsonschema import Draft202012Validator
-        from jsonschema.exceptions import best_match
-
-        error = best_match(Draft202012Validator(FILE_SCHEMA).iter_errors(value))
-        if error is not None:
-            place = error.json_path.removeprefix("$").removeprefix(".") or "the document"
-            raise LayoutError(f"{source}: {place}: {' '.join(error.message.split())[:200]}")
+        if problem := schema_problem(value, FILE_SCHEMA):
+            raise LayoutError(f"{source}: {problem}")
         items = tuple(_item(entry, f"{source}: objects[{index}]") for index, entry in enumerate(value["objects"]))
         check_places(items, source)
         return cls(items)

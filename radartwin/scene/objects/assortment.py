@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
+from radartwin.errors import SceneError
 from radartwin.scene.objects import vessels
 from radartwin.scene.objects.catalogue import (
     DRESSING,
@@ -86,15 +87,18 @@ def _entry(row: Mapping[str, str]) -> Entry:
     size = width, depth, height
     wall, material_class, look = WALLS[material]
     wall, outline = wall / 2 if kind == "drink can" else wall, None  # drink cans have half the wall of food cans, as in the catalogue
-    if kind.endswith("can"):
+    if kind in ("food can", "drink can"):
         outline = vessels.drink_can(width, height) if kind == "drink can" else vessels.food_can(width, height)
         build = can(outline, look)
     elif kind in BOTTLES:
         build = _bottle(kind, size, material, wall, look)
     elif kind == "metal box":
         build = _box(size, look)
-    else:
+    elif kind in ("mug", "canister"):
         build = mug(depth, height, width - depth)
+    else:
+        known = ", ".join(sorted({"metal box", *SYMMETRIC, *BOTTLES}))
+        raise SceneError(f"{SIZES.name}: {row['name']} is of the unknown kind {kind!r}; choose {known}")
     label = row["name"].replace("_", " ").rstrip(" 0123456789")
     text = f"a {label} of {material_class}, {1000 * width:.0f} mm wide and {1000 * height:.0f} mm tall"
     return Entry(

@@ -27,6 +27,7 @@ import dataclasses
 import numpy as np
 from scipy import ndimage
 
+from radartwin.testbed.motion_errors import about_z
 from radartwin.testbed.scanner.camera import Sight
 
 
@@ -166,9 +167,7 @@ def drifted(poses: np.ndarray, sensor: Sensor, strength: float, rng: np.random.G
     for i in range(1, len(poses)):
         relative = np.linalg.inv(poses[i - 1]) @ poses[i]
         walked = walked @ relative
-        turn = np.eye(4)
-        turn[:2, :2] = [[np.cos(heading[i - 1]), -np.sin(heading[i - 1])], [np.sin(heading[i - 1]), np.cos(heading[i - 1])]]
-        walked[:3, :3] = turn[:3, :3] @ walked[:3, :3]
+        walked[:3, :3] = about_z(heading[i - 1]) @ walked[:3, :3]
         walked[:3, 3] += shift[i - 1]
         a, b = tilt[i]
         lean = np.array([[1, 0, b], [0, 1, -a], [-b, a, 1]])
