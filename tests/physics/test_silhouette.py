@@ -236,6 +236,17 @@ def test_path_exactly_over_an_edge_keeps_a_quarter(axis):
         assert found == pytest.approx(0.25, abs=0.03)
 
 
+def test_path_exactly_over_a_corner_is_that_of_its_neighbours():
+    high, sensor = np.array([0.1, 0.05, 0.07]), np.array([-2.0, 0.1, 0.05])
+    corners = high * np.stack(np.meshgrid(*[(-1, 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    body, ends = skin(objects.box((-high).tolist(), high.tolist())), sensor + 2 * (corners - sensor)
+    exactly, *aside = (
+        shadows.factors(body, np.tile(sensor + offset, (8, 1)), ends[:, None], False, K)
+        for offset in 1e-4 * np.array([(0, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)])
+    )
+    assert np.abs(np.array(aside) - exactly).max() < 0.01
+
+
 def test_equal_rows_are_evaluated_once():
     rows = np.random.default_rng(0).random((50, 9))
     rows[:, 6:] = np.nan
