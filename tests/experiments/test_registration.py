@@ -70,6 +70,10 @@ def test_a_table_is_compared_with_the_registered_claims(
     assert told in capsys.readouterr().out
 
 
+def test_the_committed_registration_states_the_present_claims() -> None:
+    assert registration.read(Path(__file__).parents[2] / "docs/registration.json") == list(REGISTERED.values())
+
+
 @pytest.mark.parametrize(
     ("change", "told"),
     [(lambda c: c["claims"][0].update(bound="0.1"), "the hash does not match"), (lambda c: c.pop("sha256"), "is no registration")],
