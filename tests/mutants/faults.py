@@ -358,7 +358,6 @@ reconstruct/outlines/outline: reconstruct/test_outlines
 _cornered | reach if convex else 0.0 | reach | the inner corner of an L-shaped floor is cut off
 _cornered | abs((at - t) * turn) | abs(at - t) | two walls at 150 degrees do not meet
 _on_cut | np.sign(gap[1] - gap[0])[apart] | 0 | an edge that ends before the neighbouring plane stays there
-triangulated | index[turned][:, ::-1] | index[turned] | polygons face away from the room
 
 reconstruct/outlines/complete: reconstruct/test_outlines
 spanned | np.minimum(np.median(counts[counts > 0]), most) | np.median(counts[counts > 0]) | the tip of an acute corner is cut off

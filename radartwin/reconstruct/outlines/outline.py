@@ -128,11 +128,7 @@ def triangulated(grid: Grid, shape: BaseGeometry) -> trimesh.Trimesh | None:
     pieces = [trimesh.creation.triangulate_polygon(piece, engine="earcut") for piece in polygons]
     points, index = trimesh.util.append_faces([grid.to_space(corners) for corners, _ in pieces], [faces for _, faces in pieces])
     points, same = np.unique(points, axis=0, return_inverse=True)  # earcut repeats the first corner of a ring
-    index = same.reshape(-1)[index]
-    a, b, c = points[index].transpose(1, 0, 2)
-    turned = np.cross(b - a, c - a) @ grid.normal < 0
-    index[turned] = index[turned][:, ::-1]
-    return trimesh.Trimesh(points, index, vertex_normals=np.tile(grid.normal, (len(points), 1)), process=False)
+    return trimesh.Trimesh(points, same.reshape(-1)[index], vertex_normals=np.tile(grid.normal, (len(points), 1)), process=False)
 
 
 def meeting_line(grid: Grid, normal: np.ndarray, offset: float, places: np.ndarray | None = None) -> Cut | None:
