@@ -43,7 +43,7 @@ from experiments.recognition.protocol import (
     read,
     scaled,
 )  # fmt: skip
-from experiments.recognition.readings import by_side
+from experiments.recognition.readings import by_side, recording_name
 from experiments.recognition.transfer import ranked
 from experiments.statistics import SHARE, SIGNED, Estimate
 from radartwin.config.config import Config
@@ -138,7 +138,8 @@ def samples(revolutions: Frame) -> Samples:
     """Return the rows of measured revolutions as samples with the object as label."""
     names, source, name = features(revolutions), revolutions.key.to_numpy(str), revolutions.object.to_numpy(str)
     turn = revolutions.groupby("key").cumcount().to_numpy()
-    recording = np.array([f"{key} turn {number:02d}" for key, number in zip(source, turn, strict=True)])
+    recordings = (recording_name(MEASURED, row) for row in revolutions.itertuples())
+    recording = np.array([f"{one} turn {number:02d}" for one, number in zip(recordings, turn, strict=True)])
     stratum, domain = np.array([f"{distance:g} m" for distance in revolutions.distance_m]), np.full(len(source), MEASURED)
     return Samples(tuple(names), revolutions[names].to_numpy(float), recording, stratum, domain, source, name, name)
 
