@@ -36,12 +36,14 @@ class Accuracy:
         median_m, p95_m: median and 95 % quantile of the distance in metres from the mesh to the true surfaces. Before the distance is
             computed, the mesh is moved by the best-fitting rigid motion, because the coordinate frame of a scan is arbitrary.
         coverage: share of the true area seen by the sensor that is within COVERED_M of the mesh, after the rigid motion of the mesh.
+        seen: share of the true area that the sensor saw.
         move: the rigid motion (4, 4).
     """
 
     median_m: float
     p95_m: float
     coverage: float
+    seen: float
     move: np.ndarray
 
 
@@ -75,6 +77,7 @@ def accuracy(mesh: trimesh.Trimesh, scene: Scene, truth: ScanTruth, frames: Fram
         median_m=float(np.median(distance)),
         p95_m=float(np.quantile(distance, 0.95)),
         coverage=float(show.sum() / max(have.sum(), 1e-12)),
+        seen=float(have.sum() / area.sum()),
         move=move,
     )
 
