@@ -70,7 +70,7 @@ class Query:
 
     def wanted(self, store: Store, progress: Progress) -> list[tuple[Part, Campaign, Wanted]]:
         """Return the recordings of each part, as (domain, case) pairs of its campaign."""
-        numbers(self.config, self.motions[0] in ROVER)
+        numbers(self.config, self.motions[0] in ROVER)  # refuses a draw that the campaign lacks
         usual, found = Campaign(self.config, store, progress), []
         for part in self.parts:
             campaign = usual if part.config is self.config else Campaign(part.config, store, progress)
@@ -99,6 +99,7 @@ class Query:
 
 
 def missing(parts: Sequence[tuple[Part, Campaign, Wanted]]) -> dict[str, RecordingTask]:
+    """Return the recordings of all parts that the store lacks."""
     return joined([campaign.missing(wanted) for _, campaign, wanted in parts])
 
 
