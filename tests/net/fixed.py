@@ -132,7 +132,8 @@ def rows(name: str) -> list[dict[str, Any]]:
 
 def main() -> None:
     np.savez_compressed(SAMPLES, **{name: simulate() for name, simulate in SIMULATIONS.items()})
-    ROWS.write_text(json.dumps({name: rows(name) for name in TABLES}, indent=0) + "\n")
+    lines = (f'"{name}": [\n' + ",\n".join(json.dumps(row) for row in rows(name)) + "\n]" for name in TABLES)
+    ROWS.write_text("{\n" + ",\n".join(lines) + "\n}\n")
 
 
 if __name__ == "__main__":
