@@ -9,13 +9,17 @@ SUPPORTED := import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13)
 export PYTHONUNBUFFERED := 1
 
 .NOTPARALLEL:
-.PHONY: tables test slow check coverage bench mutants docs test-slurm clean setup setup-test llvm
+.PHONY: tables test net slow check coverage bench mutants docs test-slurm clean setup setup-test llvm
 
 tables: setup
 	@$(VENV)/bin/radartwin tables --profile quick
 
 test: setup-test llvm
 	@$(PY) -m pytest -q -n 2 --dist worksteal
+
+# What no change of structure may change: fixed simulations and rows of tables to 1e-9, the verbs, and the refusals. Two minutes.
+net: setup-test llvm
+	@$(PY) -m pytest -q -n 2 -m "net or not slow and not gpu" tests/net tests/faults tests/end_to_end/test_cli.py tests/end_to_end/test_cli_mistakes.py
 
 slow: setup-test llvm
 	@$(PY) -m pytest -q -m "slow or gpu"

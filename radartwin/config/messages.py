@@ -16,6 +16,19 @@ from radartwin import plugins
 from radartwin.config.config import SCHEMAS, Config
 from radartwin.config.plugged import GROUPS
 
+GONE = {  # keys and options of version 1.0 that are no longer known, and what to write in their place
+    "experiment/baselines": "experiment=stability has a row for each simulator",
+    "materials.concurrency": "write radartwin label --concurrency",
+    "materials.provider": "write radartwin label --provider",
+    "materials.timeout_s": "write radartwin label --timeout",
+    "materials.url": "write radartwin label --url",
+    "materials.views": "write radartwin label --views",
+    "profile.strength_draws": "write profile.strength_campaign.draws",
+    "profile.strength_rover_draws": "write profile.strength_campaign.rover_draws",
+    "simulator.points": "leave it out, because simulator=points puts a point at the centre of each object",
+    "supervision.encoder.symmetric": "leave it out, because only one loss is left",
+}
+
 
 def explain(error: BaseException) -> str:
     """Return one line that explains an exception of Hydra or OmegaConf."""
@@ -48,6 +61,8 @@ def unknown_option(config_file: str, options: Sequence[str]) -> str:
     """Return the error message for a missing option file GROUP/OPTION; the message lists the existing options of the group."""
     options = [known for known in options if not known.startswith("schema_")]
     group, _, option = config_file.removesuffix(".yaml").rpartition("/")
+    if f"{group}/{option}" in GONE:
+        return f"{group}={option} is gone since version 1.0; {GONE[f'{group}/{option}']}"
     if (group, option) == ("hydra/launcher", "submitit_slurm"):
         return "hydra/launcher=slurm needs more packages; run pip install 'radartwin[slurm]'"
     if not group:
@@ -58,6 +73,8 @@ def unknown_option(config_file: str, options: Sequence[str]) -> str:
 
 def unknown_key(full_key: str, owner: Any) -> str:
     """Return the error message for a configuration key that the dataclass `owner` does not have."""
+    if full_key in GONE:
+        return f"{full_key} is gone since version 1.0; {GONE[full_key]}"
     parent, _, name = full_key.rpartition(".")
     keys = _keys(owner)
     schemas = SCHEMAS.get(parent, {})

@@ -11,6 +11,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from radartwin.io import files
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
@@ -76,8 +78,6 @@ def save(drawing: Callable[[], Figure] | Figure | Path, stem: Path) -> list[Path
         drawing: a figure, a function that draws a figure, or the common path without suffix of existing figure files.
     """
     import matplotlib
-
-    from radartwin.io import files
 
     paths = [stem.with_name(stem.name + suffix) for suffix in SUFFIXES]
     if isinstance(drawing, Path):
