@@ -118,7 +118,7 @@ def _along(poses: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Interpolate poses (F, 4, 4) at fractional frame indices. From the last pose, the interpolation continues to the first."""
     known = np.concatenate([poses, poses[:1]]) if at.max() > len(poses) - 1 else poses
     times = np.arange(len(known))
-    found = np.tile(np.eye(4), (len(at), 1, 1))
-    found[:, :3, :3] = Slerp(times, Rotation.from_matrix(known[:, :3, :3]))(at).as_matrix()
-    found[:, :3, 3] = np.stack([np.interp(at, times, column) for column in known[:, :3, 3].T], axis=1)
-    return found
+    interpolated = np.tile(np.eye(4), (len(at), 1, 1))
+    interpolated[:, :3, :3] = Slerp(times, Rotation.from_matrix(known[:, :3, :3]))(at).as_matrix()
+    interpolated[:, :3, 3] = np.stack([np.interp(at, times, column) for column in known[:, :3, 3].T], axis=1)
+    return interpolated
