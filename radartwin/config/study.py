@@ -20,8 +20,8 @@ def strength(source: str, default: float = 1.0, most: float = MOST_STRENGTH) -> 
 
     `source` names the publication or data sheet that gives the size at strength 1, or says that the size is an order of magnitude.
     """
-    found = number(default, lambda value: 0 <= value <= most, f"from 0 to {most:g}")
-    return field(default=found.default, metadata={**found.metadata, "source": source})
+    setting = number(default, lambda value: 0 <= value <= most, f"from 0 to {most:g}")
+    return field(default=setting.default, metadata={**setting.metadata, "source": source})
 
 
 @dataclass
