@@ -55,8 +55,8 @@ def feature_set(name: str) -> tuple[str, ...]:
     """
     plugin = plugins.find(plugins.FEATURES, name, SETS)
     if plugin is not None:
-        found = plugged_in(plugin)
-        return tuple(f"{name}/{family}" if family in found.own else family for family in found.families)
+        provided = plugged_in(plugin)
+        return tuple(f"{name}/{family}" if family in provided.own else family for family in provided.families)
     if name not in SETS:
         raise ConfigError(f"features.name={name} is unknown; options: {', '.join([*SETS, *plugins.names(plugins.FEATURES)])}")
     return SETS[name]
@@ -64,15 +64,15 @@ def feature_set(name: str) -> tuple[str, ...]:
 
 def plugged_in(plugin: plugins.Plugin) -> FeatureSet:
     """Return the feature set of a plug-in. Raises PluginError if its object is no feature set of known families."""
-    found = plugins.load(plugin)
-    if not isinstance(found, FeatureSet):
+    provided = plugins.load(plugin)
+    if not isinstance(provided, FeatureSet):
         raise plugins.refusal(plugin, f"{plugin.value} is no radartwin.features.families.FeatureSet")
     known = {family for families in SETS.values() for family in families}
-    unknown = [family for family in found.families if family not in known and family not in found.own]
-    if unknown or not found.families or known & set(found.own):
+    unknown = [family for family in provided.families if family not in known and family not in provided.own]
+    if unknown or not provided.families or known & set(provided.own):
         reason = f"its families must be among {', '.join(sorted(known))}, or be functions with other names in the attribute own"
         raise plugins.refusal(plugin, f"family '{unknown[0]}' is unknown; {reason}" if unknown else reason)
-    return found
+    return provided
 
 
 def families(name: str, without: Sequence[str] = ()) -> tuple[str, ...]:

@@ -136,19 +136,19 @@ def _turns(name: str) -> bool:
 
 def _family(name: str) -> Callable[[_Recording, bool], NamedValues]:
     """Return the function of a family. A family SET/FAMILY belongs to the feature set of a plug-in."""
-    of, separator, own = name.partition("/")
-    plugin = plugins.find(plugins.FEATURES, of, SETS) if separator else None
+    set_name, separator, family = name.partition("/")
+    plugin = plugins.find(plugins.FEATURES, set_name, SETS) if separator else None
     if plugin is None:
         return _FAMILIES[name]
 
     def plugged(recording: _Recording, per_frame: bool) -> NamedValues:
         frames = recording.processed.num_frames
-        with plugins.calling(plugin, own):
-            found = plugged_in(plugin).own[own](recording.processed, recording.target_m)
-            rows = np.stack([np.broadcast_to(np.asarray(value, float), (frames,)) for value in found.values()], axis=1)
+        with plugins.calling(plugin, family):
+            named = plugged_in(plugin).own[family](recording.processed, recording.target_m)
+            rows = np.stack([np.broadcast_to(np.asarray(value, float), (frames,)) for value in named.values()], axis=1)
         if not np.isfinite(rows).all():
-            raise plugins.refusal(plugin, f"{own} returned a value that is not finite")
-        return list(found), rows if per_frame else rows.mean(axis=0)
+            raise plugins.refusal(plugin, f"{family} returned a value that is not finite")
+        return list(named), rows if per_frame else rows.mean(axis=0)
 
     return plugged
 
