@@ -120,10 +120,10 @@ def thinned(processed: Processed, log: Nominal, recogniser: Recogniser) -> tuple
         )
     if recorded <= frames:
         return processed, log
-    chosen = np.round(np.arange(int(processed.num_frames * frames / recorded + 1e-6)) * recorded / frames).astype(int)
-    chosen = chosen[chosen < processed.num_frames]
+    indices = np.round(np.arange(int(processed.num_frames * frames / recorded + 1e-6)) * recorded / frames).astype(int)
+    indices = indices[indices < processed.num_frames]
     rate = log.frame_rate_hz * frames / recorded
-    return processed.frames(chosen), Nominal(rate, log.distance_m[chosen], 2 * np.pi * np.arange(len(chosen)) / frames)
+    return processed.frames(indices), Nominal(rate, log.distance_m[indices], 2 * np.pi * np.arange(len(indices)) / frames)
 
 
 def changing_range(processed: Processed) -> float:
