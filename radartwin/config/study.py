@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 from radartwin.config.checks import check_fields, check_selector, choice, not_negative, number, path_name, positive, url
 from radartwin.config.scene import ROOMS
 from radartwin.errors import ConfigError
-from radartwin.features.families import families
+from radartwin.features.sets import families
 
 _STUDY = "radartwin/config/study.py"
 MOST_STRENGTH = 4.0  # twice the largest strength of any table; nothing beyond it was tested
@@ -122,7 +122,7 @@ class RecordingsConfig(MeasuredConfig):
 class FeaturesConfig:
     """The signal features that are computed from a recording: a named group of features, optionally without some feature families."""
 
-    name: str = "raw"  # named group of features (radartwin/features/families.py): rotation | depth | lateral | raw
+    name: str = "raw"  # named group of features (radartwin/features/sets.py): rotation | depth | lateral | raw
     without: list[str] = field(default_factory=list)  # names of feature families to leave out, such as brightness
     code: str = ""  # digest of the source code of a plug-in's feature set, which is part of run keys
 

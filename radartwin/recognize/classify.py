@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radartwin.errors import InputError
-from radartwin.features import sets, track
+from radartwin.features import families, track
 from radartwin.features.log import Nominal
 from radartwin.features.processed import Processed, process
 from radartwin.features.profile import FAR_M, NEAR_M
@@ -66,7 +66,7 @@ def classify(
     processed, log = thinned(processed, log, recogniser)
     name, without = str(recogniser.features.get("set", "")), tuple(map(str, recogniser.features.get("without", ())))
     try:
-        names, values = sets.vector(processed, log, name, without)
+        names, values = families.vector(processed, log, name, without)
     except InputError as error:
         raise InputError(f"{recording}: {error}") from error
     if tuple(names) != recogniser.names:
