@@ -52,7 +52,9 @@ def read(output: Path, name: str) -> Entries:
         entries = untrusted_json.read(path)
         if not all({key: type(value) for key, value in entry.items()} == FORMS[name] for entry in entries.values()):
             raise ValueError("an entry is not of the expected form")
-        if not all(isinstance(one, str) and _FIGURE.fullmatch(one) for entry in entries.values() for one in entry.get("figures", ())):
+        if not all(
+            isinstance(figure, str) and _FIGURE.fullmatch(figure) for entry in entries.values() for figure in entry.get("figures", ())
+        ):
             raise ValueError("a figure's name is not that of a file")
     except (ValueError, AttributeError, TypeError) as error:
         raise InputError(f"{path} is damaged ({str(error).splitlines()[0]}); delete it and run radartwin tables again") from error
@@ -121,8 +123,8 @@ def _report_stamp(output: Path) -> str:
 
 def _digest(content: Any, paths: Iterable[Path]) -> str:
     """Return one SHA-256 of the code, the configuration, the machine, `content`, and the names and contents of the files `paths`."""
-    found = [(path.name, hashlib.sha256(path.read_bytes()).hexdigest()) for path in paths]
-    return hashlib.sha256(json.dumps([sources(), machine(), content, found], sort_keys=True).encode()).hexdigest()
+    digests = [(path.name, hashlib.sha256(path.read_bytes()).hexdigest()) for path in paths]
+    return hashlib.sha256(json.dumps([sources(), machine(), content, digests], sort_keys=True).encode()).hexdigest()
 
 
 @functools.cache

@@ -41,7 +41,7 @@ def tables(profile: str, only: list[str] | None, output: Path) -> int:
     names = only or registry.of_profile(profile)
     kept = [name for name in names if index.unchanged(output, name, profile)]
     made, counts = _run([name for name in names if name not in kept], profile, output)
-    counts.found |= {(RUN, name) for name in kept}
+    counts.stored |= {(RUN, name) for name in kept}
     page = report.path(output) if len(kept) == len(names) and index.report_unchanged(output) else write_report(output, fresh=kept + made)
     print(f"tables: {len(kept + made)} written, {counts}; report: {page}")
     return 0 if len(kept + made) == len(names) else 1

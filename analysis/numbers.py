@@ -38,17 +38,17 @@ class Number:
 
 def tables(folder: Path = RESULTS) -> dict[str, set[float]]:
     """Return all numbers of each committed table."""
-    found: dict[str, set[float]] = {}
+    values: dict[str, set[float]] = {}
     for file in sorted(folder.glob("*.csv")):
         with open(file, encoding="utf-8", newline="") as stream:
             cells = [cell for row in csv.reader(stream) for cell in row]
-        found[file.stem] = {value for cell in cells for value in _values(cell)}
-    return found
+        values[file.stem] = {value for cell in cells for value in _values(cell)}
+    return values
 
 
 def missing(text: str, known: dict[str, set[float]]) -> list[Number]:
     """Return the numbers of a text that no table of their section holds."""
-    found = []
+    numbers = []
     for first, section in _sections(text):
         named = [known[name] for name in re.findall(r"`([a-z_]+)`", "\n".join(section)) if name in known]
         values = set().union(*named)
@@ -58,8 +58,8 @@ def missing(text: str, known: dict[str, set[float]]) -> list[Number]:
             for match in NUMBER.finditer(bare):
                 if not _held(match.group(1), bool(match.group(2)), values):
                     strict = line.startswith("|") or any(low <= match.start() < high for low, high in intervals)
-                    found.append(Number(at, match.group().strip(), line.strip(), strict))
-    return found
+                    numbers.append(Number(at, match.group().strip(), line.strip(), strict))
+    return numbers
 
 
 def _values(cell: str) -> list[float]:

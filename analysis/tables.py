@@ -64,19 +64,19 @@ def to_csv(rows: Sequence[Row]) -> str:
 
 
 def to_markdown(table: Table, rows: Sequence[Row]) -> str:
-    shown, cells = _cells(rows)
-    lines = [f"| {' | '.join(heading(c) for c in shown)} |", f"|{'---|' * len(shown)}"]
+    names, cells = _cells(rows)
+    lines = [f"| {' | '.join(heading(c) for c in names)} |", f"|{'---|' * len(names)}"]
     lines += [f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |" for row in cells]
     return f"**{table.title}.** {caption(table, rows)}\n\n" + "\n".join(lines) + "\n"
 
 
 def to_latex(table: Table, rows: Sequence[Row]) -> str:
     """Format a table as LaTeX for pdflatex with booktabs and graphicx. A wide table is shrunk to the width of both page columns."""
-    shown, cells = _cells(rows)
-    align = "".join("r" if all(isinstance(row.get(c), _NUMBER) for row in rows) else "l" for c in shown)
+    names, cells = _cells(rows)
+    align = "".join("r" if all(isinstance(row.get(c), _NUMBER) for row in rows) else "l" for c in names)
     body = "\n".join(f"    {' & '.join(_latex(cell) for cell in row)} \\\\" for row in cells)
-    head = " & ".join(_latex(heading(c)) for c in shown)
-    shape, width = ("table*", r"\textwidth") if len(shown) > _WIDE else ("table", r"\columnwidth")
+    head = " & ".join(_latex(heading(c)) for c in names)
+    shape, width = ("table*", r"\textwidth") if len(names) > _WIDE else ("table", r"\columnwidth")
     return rf"""\begin{{{shape}}}[t]
   \centering
   \caption{{\textbf{{{_latex(table.title)}.}} {_latex(caption(table, rows))}}}
@@ -95,9 +95,9 @@ def to_latex(table: Table, rows: Sequence[Row]) -> str:
 
 def to_html(table: Table, rows: Sequence[Row]) -> str:
     """Format a table as an HTML table element. The text is ASCII, so that a page of any encoding can include the element."""
-    shown, cells = _cells(rows)
-    kinds = [' class="number"' if all(isinstance(row.get(c), _NUMBER) for row in rows) else "" for c in shown]
-    head = "".join(f'<th scope="col"{kind}>{html.escape(heading(c))}</th>' for c, kind in zip(shown, kinds, strict=True))
+    names, cells = _cells(rows)
+    kinds = [' class="number"' if all(isinstance(row.get(c), _NUMBER) for row in rows) else "" for c in names]
+    head = "".join(f'<th scope="col"{kind}>{html.escape(heading(c))}</th>' for c, kind in zip(names, kinds, strict=True))
     body = "\n".join(
         f'<tr id="{table.name}-{number}" class="{html.escape(slug(row["verdict"]))}">'
         + "".join(f"<td{kind}>{html.escape(cell)}</td>" for cell, kind in zip(texts, kinds, strict=True))
@@ -110,8 +110,8 @@ def to_html(table: Table, rows: Sequence[Row]) -> str:
 
 
 def _cells(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
-    shown = [c for c in columns(rows) if c != "run_keys"]
-    return shown, [[text_of(row.get(c)) for c in shown] for row in rows]
+    names = [c for c in columns(rows) if c != "run_keys"]
+    return names, [[text_of(row.get(c)) for c in names] for row in rows]
 
 
 def text_of(value: Any) -> str:

@@ -58,22 +58,22 @@ def names(group: str) -> list[str]:
 
 def check(group: str, name: str, built_in: Collection[str]) -> None:
     """Raise PluginError if the plug-in's name is not valid, if several packages provide it, or if an option in `built_in` has it."""
-    found = _found(group, name)
-    if found and name in built_in:
-        raise PluginError(f"{found[0]} has the name of a built-in option; uninstall {found[0].package}, or rename the plug-in")
-    if len(found) > 1:
-        packages = " and ".join(plugin.package for plugin in found)
+    plugins = _plugins(group, name)
+    if plugins and name in built_in:
+        raise PluginError(f"{plugins[0]} has the name of a built-in option; uninstall {plugins[0].package}, or rename the plug-in")
+    if len(plugins) > 1:
+        packages = " and ".join(plugin.package for plugin in plugins)
         raise PluginError(f"packages {packages} both provide '{name}' in {group}; uninstall one of them")
-    if found and not _NAME.fullmatch(name):
+    if plugins and not _NAME.fullmatch(name):
         raise PluginError(
-            f"{found[0]}: a name may hold only letters, digits and underscores, and no digit at its start; rename the plug-in"
+            f"{plugins[0]}: a name may hold only letters, digits and underscores, and no digit at its start; rename the plug-in"
         )
 
 
 def find(group: str, name: str, built_in: Collection[str] = ()) -> Plugin | None:
     """Return the plug-in of this name; None if no package provides it. Raises PluginError, see `check`."""
     check(group, name, built_in)
-    return next(iter(_found(group, name)), None)
+    return next(iter(_plugins(group, name)), None)
 
 
 def load(plugin: Plugin) -> Any:
@@ -94,7 +94,7 @@ def _loaded(plugin: Plugin) -> Any:
     return metadata.EntryPoint(plugin.name, plugin.value, plugin.group).load()
 
 
-def _found(group: str, name: str) -> list[Plugin]:
+def _plugins(group: str, name: str) -> list[Plugin]:
     return [plugin for plugin in _installed(tuple(sys.path)) if (plugin.group, plugin.name) == (group, name)]
 
 

@@ -35,7 +35,7 @@ OPTIONS: dict[str, Any] = {
     "pruned at ([0-9.e-]+)": r"simulator.prune=\1",
     "object and room uncoupled": "simulator.coupling=false",
     "no diffuse cloud": "simulator.diffuse=false",
-    "tubes, ([0-9.]+) million": lambda found: f"simulator.room=tubes simulator.rays={1e6 * float(found[1]):.0f}",
+    "tubes, ([0-9.]+) million": lambda match: f"simulator.room=tubes simulator.rays={1e6 * float(match[1]):.0f}",
     "room by tubes.*": "simulator.room=tubes",
 }
 Row = dict[str, Any]
@@ -113,9 +113,9 @@ def sweeps(stability: Sequence[Row]) -> list[tuple[Row, list[str]]]:
         return f"{row['family']}{' ' + row['setting'] if row['family'] == RFGENESIS else ''}: {row['safe']}"
 
     return [
-        (own, [safe(row) for row in stability if row["sweep"] == own["sweep"] and row is not own and row["value"]])
-        for own in stability
-        if own["family"] == OURS
+        (tracer, [safe(row) for row in stability if row["sweep"] == tracer["sweep"] and row is not tracer and row["value"]])
+        for tracer in stability
+        if tracer["family"] == OURS
     ]
 
 

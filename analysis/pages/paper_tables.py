@@ -93,13 +93,13 @@ def answer(read: Callable[[str], pd.DataFrame], absent: str, row: Mapping[str, A
     if "here" in row or "setting" in row:
         value = row["here"] if "here" in row else _setting(row["setting"])
         return ", ".join(map(str, value)) if isinstance(value, list) else _short(value, row.get("times", 1)), "", ""
-    found = _row(read, absent, row)
-    if found is None or "column" in row or not found["value"]:
-        return absent if found is None else _short(found[row["column"]]) if "column" in row else "–", "", ""
-    low, high = found["low"], found["high"]
-    level = f" at {100 * float(found['level']):.1f} %" if found.get("family") == PRIMARY else ""
+    result = _row(read, absent, row)
+    if result is None or "column" in row or not result["value"]:
+        return absent if result is None else _short(result[row["column"]]) if "column" in row else "–", "", ""
+    low, high = result["low"], result["high"]
+    level = f" at {100 * float(result['level']):.1f} %" if result.get("family") == PRIMARY else ""
     interval = f" ({number(float(low))} to {number(float(high))}{level})" if low and high and low != high else ""
-    return number(float(found["value"])) + interval, found["n"], found["verdict"] or found.get("reason", "")
+    return number(float(result["value"])) + interval, result["n"], result["verdict"] or result.get("reason", "")
 
 
 def _row(read: Callable[[str], pd.DataFrame], absent: str, row: Mapping[str, Any]) -> Any:

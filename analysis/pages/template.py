@@ -1,11 +1,11 @@
 """Fill the Jinja2 template of a page with values of the committed tables in docs/results.
 
-    {{ one("environment", metric="profile correlation", case="void", distance_m=2) | interval }}       0.43 (0.40 to 0.45)
-    {{ one("environment", metric="profile correlation", case="void", distance_m=2).value | number }}   0.43
+    {{ row("environment", metric="profile correlation", case="void", distance_m=2) | interval }}       0.43 (0.40 to 0.45)
+    {{ row("environment", metric="profile correlation", case="void", distance_m=2).value | number }}   0.43
     {{ rows("headline", verdict="holds") | lines("claim of the paper", "value", "verdict") }}          lines of a Markdown table
     {{ rows("headline", verdict="holds") | length }}                                                   number of rows
 
-`rows` returns the rows of a table whose columns have the given values, and `one` returns the only such row. Numbers are compared as
+`rows` returns the rows of a table whose columns have the given values, and `row` returns the only such row. Numbers are compared as
 numbers, and an empty value stands for an empty cell or a column that the table lacks. In a line of a table, the column `value` includes the
 interval.
 """
@@ -40,12 +40,12 @@ def filled(template: str, folder: Path = RESULTS, **content: Any) -> str:
     def rows(table: str, **where: Any) -> list[Row]:
         return [row for row in read(table).to_dict("records") if all(_has(row, *condition, table) for condition in where.items())]
 
-    def one(table: str, **where: Any) -> Row:
-        if len(found := rows(table, **where)) != 1:
-            raise ValueError(f"{len(found)} rows of {folder / table}.csv have {where}, not one; name more columns")
-        return found[0]
+    def row(table: str, **where: Any) -> Row:
+        if len(matches := rows(table, **where)) != 1:
+            raise ValueError(f"{len(matches)} rows of {folder / table}.csv have {where}, not one; name more columns")
+        return matches[0]
 
-    text = environment.from_string(template).render(rows=rows, one=one, **content)
+    text = environment.from_string(template).render(rows=rows, row=row, **content)
     return "\n\n".join(part if part.startswith(MARKS) else wrapped(part) for part in text.split("\n\n"))
 
 
@@ -80,10 +80,10 @@ def interval(row: Row) -> str:
 
 def lines(rows: Iterable[Row], *columns: str) -> str:
     """Return the lines of a Markdown table, one for each row. Raises ValueError if there is no row."""
-    found = [f"| {' | '.join(interval(row) if column == 'value' else number(row[column]) for column in columns)} |" for row in rows]
-    if not found:
+    text_lines = [f"| {' | '.join(interval(row) if column == 'value' else number(row[column]) for column in columns)} |" for row in rows]
+    if not text_lines:
         raise ValueError(f"no row fits the table with the columns {', '.join(columns)}")
-    return "\n".join(found)
+    return "\n".join(text_lines)
 
 
 def wrapped(paragraph: str) -> str:

@@ -38,6 +38,6 @@ def write(sections: Sequence[Section], output: Path) -> Path:
         for section in sections:
             for part, file in section.files():
                 staged.take(file, part)
-        shown = rooms.write(staged)
+        pages = rooms.write(staged)
         made_from = origin.of(sections, output)
-        return staged.publish(lambda parts: markup.page(sections, shown, made_from, parts))
+        return staged.publish(lambda parts: markup.page(sections, pages, made_from, parts))

@@ -83,6 +83,6 @@ def staged(root: Path) -> Iterator[Stage]:
 def _digest(folder: Path) -> str:
     """Return one SHA-256 of the names and contents of all files in the folder."""
     total = hashlib.sha256()
-    for path in sorted(one for one in folder.rglob("*") if one.is_file()):
+    for path in sorted(file for file in folder.rglob("*") if file.is_file()):
         total.update(f"{path.relative_to(folder).as_posix()} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
     return total.hexdigest()

@@ -15,7 +15,7 @@ from analysis.pages import paper_tables
 from analysis.registry import TESTBED_NOTE
 from analysis.report.content import ABSENT, LINKED, Section, figure
 from analysis.report.origin import Origin
-from analysis.report.rooms import Shown
+from analysis.report.rooms import RoomPage
 from analysis.tables import slug
 from radartwin.io.one_line import plural
 from radartwin.runs.experiment import LIMITS, VERDICTS
@@ -26,7 +26,7 @@ FIRST = ("reality", "speed_accuracy", "stability", "gallery")  # tables that are
 OPEN_ROWS = 12  # a table with more rows starts folded, and unfolds in print
 
 
-def page(sections: Sequence[Section], rooms: Sequence[Shown], origin: Origin, parts: str) -> str:
+def page(sections: Sequence[Section], rooms: Sequence[RoomPage], origin: Origin, parts: str) -> str:
     """Return the HTML of the whole report page. `parts` is the name of the folder that the links of the page point to."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(FOLDER), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True

@@ -91,14 +91,14 @@ def _run(section: Section, cache: Path, page: str) -> Run:
 
 def _costs(cache: Path, keys: Iterable[Any]) -> dict[str, float]:
     """Return {store key: core-seconds} of the stored results with these keys; results that the cache no longer holds are left out."""
-    kinds = sorted(one for one in cache.iterdir() if one.is_dir()) if cache.is_dir() else []
-    found = {}
+    kinds = sorted(folder for folder in cache.iterdir() if folder.is_dir()) if cache.is_dir() else []
+    costs = {}
     for key in {key for key in keys if isinstance(key, str) and _KEY.fullmatch(key)}:
         for kind in kinds:
             seconds = _number(read_json(kind / key / META).get("core_seconds"))
             if seconds is not None:
-                found[key] = seconds
-    return found
+                costs[key] = seconds
+    return costs
 
 
 def mlflow_pages(output: Path) -> tuple[dict[str, str], str]:
@@ -124,10 +124,10 @@ def read_json(path: Path) -> dict[str, Any]:
     cleared.
     """
     try:
-        found = untrusted_json.read(path)
+        content = untrusted_json.read(path)
     except (OSError, ValueError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return content if isinstance(content, dict) else {}
 
 
 def _number(value: Any) -> float | None:

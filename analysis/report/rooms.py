@@ -17,7 +17,7 @@ BARE = ("empty", "void")  # rooms without furniture
 
 
 @dataclass(frozen=True)
-class Shown:
+class RoomPage:
     """The report's files for one room. `page` and `picture` are links relative to the parts folder."""
 
     name: str
@@ -28,21 +28,21 @@ class Shown:
     pixels: int = PIXELS
 
 
-def write(staged: Stage) -> list[Shown]:
+def write(staged: Stage) -> list[RoomPage]:
     """Write the three-dimensional pages of all furnished rooms, with each room's true surfaces and materials."""
     import numpy as np
 
     from radartwin.scene import rooms
     from radartwin.scene.viewer.page import view
 
-    shown = []
-    for name in (one for one in rooms.ROOMS if one not in BARE):
+    pages = []
+    for name in (room for room in rooms.ROOMS if room not in BARE):
         scene, jpeg = _drawn(name)
         page, picture, spoken = f"rooms/{name}.html", f"rooms/{name}.jpg", name.replace("_", " ")
         view(scene, staged.path(page), title=spoken)
         staged.path(picture).write_bytes(jpeg)
-        shown.append(Shown(spoken, len(scene), tuple(np.ptp(scene.bounds, axis=0).tolist()), page, picture))
-    return shown
+        pages.append(RoomPage(spoken, len(scene), tuple(np.ptp(scene.bounds, axis=0).tolist()), page, picture))
+    return pages
 
 
 @functools.cache

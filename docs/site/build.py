@@ -70,8 +70,8 @@ def build(out: Path = OUT, pages: Path = PAGES, modules: tuple[str, ...] = MODUL
     config = load_config(str(HERE / "mkdocs.yml"), docs_dir=str(pages), site_dir=str(out), strict=True)
     assert config.nav is not None
     for section in ("decisions", "reference"):
-        found = sorted(path.name for path in (pages / section).glob("*.md") if path.name != "index.md")
-        names = [f"{module}.md" for module in modules] if section == "reference" else found
+        page_names = sorted(path.name for path in (pages / section).glob("*.md") if path.name != "index.md")
+        names = [f"{module}.md" for module in modules] if section == "reference" else page_names
         config.nav.append({section.capitalize(): [f"{section}/{name}" for name in ("index.md", *names)]})
     config.plugins.on_startup(command="build", dirty=False)
     try:
@@ -110,7 +110,7 @@ def write_pages(pages: Path, modules: tuple[str, ...] = MODULES, execute: bool =
         else:
             shutil.copyfile(source, target)
             continue
-        text = LINK.sub(lambda found, source=source: _link(found[1], source, placed), text)
+        text = LINK.sub(lambda match, source=source: _link(match[1], source, placed), text)
         up = "../" * (len(target.relative_to(pages).parts) - 1)
         target.write_text(formulas.with_pictures(text, pages / "formulas", f"{up}formulas"), encoding="utf-8")
     _write_decisions(pages)
@@ -134,13 +134,13 @@ def _link(address: str, source: Path, placed: dict[Path, Path]) -> str:
     """Return the address in the site of the file to which a link in the page `source` leads."""
     if re.match(r"[a-z]+:", address) or (placed[source].parent / address).is_file():  # a picture of the tutorial's outputs
         return address
-    found = (source.parent / address).resolve()
-    if found == DOCS / "decisions":
-        found = DOCS / "decisions" / "README.md"
-        placed = {**placed, found: placed[DOCS / "README.md"].parent / "decisions" / "index.md"}
-    if found not in placed:
+    linked = (source.parent / address).resolve()
+    if linked == DOCS / "decisions":
+        linked = DOCS / "decisions" / "README.md"
+        placed = {**placed, linked: placed[DOCS / "README.md"].parent / "decisions" / "index.md"}
+    if linked not in placed:
         raise ValueError(f"{source.relative_to(ROOT)}: the link {address} leads to no page of the site; link a page, or name the file")
-    return Path(os.path.relpath(placed[found], placed[source].parent)).as_posix()
+    return Path(os.path.relpath(placed[linked], placed[source].parent)).as_posix()
 
 
 def _notebook(source: Path, target: Path, execute: bool) -> str:

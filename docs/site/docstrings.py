@@ -22,7 +22,7 @@ def prepared(text: str) -> str:
         high: limits in metres.
     """
     text = EXAMPLE.sub(r"```pycon\n\1\n```", text)
-    return JOINT.sub(lambda found: "\n".join(f"{found['indent']}{name}: {found['text']}" for name in found["names"].split(", ")), text)
+    return JOINT.sub(lambda match: "\n".join(f"{match['indent']}{name}: {match['text']}" for name in match["names"].split(", ")), text)
 
 
 class Prepare(griffe.Extension):

@@ -36,7 +36,7 @@ def with_pictures(text: str, folder: Path, address: str) -> str:
     Raises:
         ValueError: Matplotlib cannot draw a formula. The message holds the formula.
     """
-    text = BLOCK.sub(lambda found: f'\n<p class="formula">{_terms(found[1], folder, address)}</p>\n', text)
+    text = BLOCK.sub(lambda match: f'\n<p class="formula">{_terms(match[1], folder, address)}</p>\n', text)
     out, start = [], 0
     for code in CODE.finditer(text):
         out += [_inline(text[start : code.start()], folder, address), code[0]]
@@ -45,7 +45,7 @@ def with_pictures(text: str, folder: Path, address: str) -> str:
 
 
 def _inline(text: str, folder: Path, address: str) -> str:
-    return INLINE.sub(lambda found: _picture(found[1], folder, address), text)
+    return INLINE.sub(lambda match: _picture(match[1], folder, address), text)
 
 
 def _terms(tex: str, folder: Path, address: str) -> str:

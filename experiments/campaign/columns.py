@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from experiments.campaign.cases import RAIL, REFLECTOR, ROVER, Case
-from radartwin.features import cloud, doppler, envelope, sets, track
+from radartwin.features import cloud, doppler, envelope, families, track
 from radartwin.features.extent import AZIMUTH_RAD
 from radartwin.features.log import Log, Nominal, angles, distances
 from radartwin.features.pictures import picture
@@ -64,7 +64,7 @@ def _whole(processed: Processed, log: Log, target_m: float) -> Columns:
     turns = [slice(start, start + period) for start in range(0, processed.num_frames - period + 1, period)]
     rows, pictures = [], []
     for piece, at in ((processed.frames(at), at) for at in turns):
-        rows.append(sets.vector(piece, Nominal(log.frame_rate_hz, log.distance_m[at], angle_rad[at]), "rotation")[1])
+        rows.append(families.vector(piece, Nominal(log.frame_rate_hz, log.distance_m[at], angle_rad[at]), "rotation")[1])
         pictures.append(picture(piece, angle_rad[at], target_m).ravel())
     return {
         **_features(processed, log, "rotation"),
@@ -86,7 +86,7 @@ def _rail(case: Case, processed: Processed, log: Log) -> Columns:
 
 
 def _features(processed: Processed, log: Log, name: str) -> Columns:
-    names, values = sets.vector(processed, log, name)
+    names, values = families.vector(processed, log, name)
     return dict(zip(names, map(float, values), strict=True))
 
 
@@ -94,7 +94,7 @@ def _drive(case: Case, processed: Processed, log: Log) -> Columns:
     nominal = distances(log, processed.num_frames)
     along = track.around(processed, nominal, log.frame_rate_hz)
     clouds = cloud.detections(processed)
-    names, values = sets.frames(processed, log, case.motion)
+    names, values = families.frames(processed, log, case.motion)
     return {
         **_features(processed, log, case.motion),
         "frames": values,

@@ -25,7 +25,7 @@ from radartwin.config.config import Config
 from radartwin.config.materials import MaterialsConfig
 from radartwin.config.simulator import AutoSimulator, MitsubaSimulator
 from radartwin.config.study import FeaturesConfig
-from radartwin.features.families import feature_set
+from radartwin.features.sets import feature_set
 from radartwin.label.sources import material_source, without_fragments
 from radartwin.radar.recording import Recording
 from radartwin.scene import rooms

@@ -31,8 +31,8 @@ from radartwin.builders.recording import build_setup
 from radartwin.builders.simulator import MOTION_FAMILIES, families_of
 from radartwin.config.config import Config
 from radartwin.config.study import CampaignConfig
-from radartwin.features.families import SETS
 from radartwin.features.processed import Processed
+from radartwin.features.sets import SETS
 from radartwin.io.progress import Progress
 from radartwin.runs import workers
 from radartwin.runs.experiment import Result, Table

@@ -16,7 +16,7 @@ from experiments.statistics import Estimate, bootstrap, exact
 from radartwin.adaptive.choice import Choice
 from radartwin.adaptive.model import LADDER, Model
 from radartwin.config.config import Config
-from radartwin.features.families import SETS
+from radartwin.features.sets import SETS
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 
 if TYPE_CHECKING:

@@ -33,7 +33,7 @@ from radartwin.config.config import Config
 from radartwin.config.materials import default_materials
 from radartwin.config.simulator import AutoSimulator, MitsubaSimulator
 from radartwin.errors import ConfigError, InputError
-from radartwin.features import sets
+from radartwin.features import families
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.runs.experiment import Result, Table
@@ -176,7 +176,7 @@ def _one(campaign: Campaign, case: Case) -> tuple[str, str, np.ndarray, float, i
     key, processed = campaign.processed("twin", case)
     made = campaign.clean("twin", case).read_json("meta")
     told = made["told"]
-    values = sets.vector(processed, campaign.log(case, "twin"), FEATURES[case.motion])[1]
+    values = families.vector(processed, campaign.log(case, "twin"), FEATURES[case.motion])[1]
     return case.motion, key, values, float(made["core_seconds"]) / told["frames"], int(told.get(tally.SETUPS, 0)), int(told["frames"])
 
 

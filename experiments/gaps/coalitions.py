@@ -29,7 +29,7 @@ from experiments.recognition.protocol import correct
 from experiments.recognition.readings import recording_name
 from radartwin.config.config import Config
 from radartwin.config.materials import TrueMaterials, VlmMaterials
-from radartwin.features import sets
+from radartwin.features import families
 from radartwin.features.log import Log
 from radartwin.features.processed import Processed, process
 from radartwin.features.profile import profile_correlation
@@ -113,8 +113,8 @@ class Sides:
             rows = []
             for case in self.cases:
                 (key, processed), log = self.processed(domain, on, case), self.log(domain, case)
-                names, frames = sets.frames(processed, log, FEATURES)
-                compared = {"vector": sets.vector(processed, log, FEATURES, WITHOUT)[1], "range_m": processed.range_m}
+                names, frames = families.frames(processed, log, FEATURES)
+                compared = {"vector": families.vector(processed, log, FEATURES, WITHOUT)[1], "range_m": processed.range_m}
                 rows.append(
                     {
                         **asdict(case),

@@ -23,7 +23,7 @@ from experiments.campaign.cases import BENCH_ROOM, RAIL, Case, Motion
 from radartwin.adaptive import limits
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
-from radartwin.features import sets
+from radartwin.features import families
 from radartwin.io import files
 from radartwin.io.progress import Progress
 from radartwin.store.products import Store
@@ -62,7 +62,7 @@ def read(campaign: Campaign, motion: Motion, cases: Sequence[Case]) -> Read:
     rows = []
     for case in cases:
         processed = campaign.processed("measured", case)[1]
-        names, values = sets.read(processed, campaign.log(case), FAMILIES[motion], turns=motion == "turntable")
+        names, values = families.read(processed, campaign.log(case), FAMILIES[motion], turns=motion == "turntable")
         rows.append(values)
     return names, np.stack(rows)
 

@@ -29,7 +29,7 @@ from experiments.recognition.protocol import GEOMETRY, MATERIAL, Scored, anchors
 from experiments.recognition.readings import FEATURES, MOTION, revolutions, without
 from radartwin.config.config import Config
 from radartwin.config.trajectory import TurntableTrajectory
-from radartwin.features.sets import BRIGHTNESS
+from radartwin.features.families import BRIGHTNESS
 from radartwin.io.progress import Progress
 from radartwin.recognize.model import Recogniser
 from radartwin.recognize.probes import linear_probe, repeatability

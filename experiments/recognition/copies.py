@@ -23,7 +23,7 @@ from experiments.recognition.readings import FEATURES, MOTION, cells, gathered, 
 from radartwin.builders.radar import build_radar
 from radartwin.builders.simulator import fixed_simulator, simulator_options
 from radartwin.config.config import Config
-from radartwin.features import sets
+from radartwin.features import families
 from radartwin.features.log import angles
 from radartwin.features.pictures import picture
 from radartwin.features.processed import MAX_RANGE_M
@@ -37,7 +37,7 @@ from radartwin.scene.objects.assortment import every_object
 from radartwin.store.products import Store, save_arrays
 
 ROOTS = [
-    "radartwin.features.sets", "radartwin.features.pictures", "radartwin.recognize.augment", "radartwin.recognize.randomise",
+    "radartwin.features.families", "radartwin.features.pictures", "radartwin.recognize.augment", "radartwin.recognize.randomise",
     "radartwin.builders.simulator", "experiments.recognition.copies",
 ]  # fmt: skip
 NEAR_TARGET_M = 0.75  # largest distance of a stored echo from the nominal range of the target; farther echoes are below -60 dB
@@ -86,7 +86,7 @@ def _rows(
             echoes = _alone(config, store, source, case, seed)
         rows: dict[str, list[NDArray]] = {"features": [], "pictures": []}
         for copy in randomise.copies(processed, echoes, noise_power, chosen.copies, drawn, seed):
-            rows["features"].append(sets.vector(copy, log, FEATURES)[1])
+            rows["features"].append(families.vector(copy, log, FEATURES)[1])
             rows["pictures"].append(picture(copy, angles(log, copy.num_frames), target_m).ravel())
         save_arrays(folder, {kind: np.stack(some) for kind, some in rows.items()})
 

@@ -21,7 +21,7 @@ from experiments.draws import Query
 from experiments.recognition.readings import MOTION, reflector
 from experiments.statistics import clustered, difference, exact
 from radartwin.config.config import Config
-from radartwin.features.sets import BRIGHTNESS
+from radartwin.features.families import BRIGHTNESS
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.runs.experiment import Result, Table

@@ -28,7 +28,7 @@ from experiments.recognition.protocol import TEXT, compared_trainings, read
 from experiments.recognition.readings import MOTION, by_side, revolutions, without
 from radartwin.config.config import Config
 from radartwin.config.materials import VoidMaterials
-from radartwin.features.sets import BRIGHTNESS
+from radartwin.features.families import BRIGHTNESS
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store

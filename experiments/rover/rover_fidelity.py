@@ -30,8 +30,8 @@ from radartwin.config.config import Config
 from radartwin.errors import InputError
 from radartwin.features.align import overlap, start_offset
 from radartwin.features.doppler import range_rate
+from radartwin.features.families import BRIGHTNESS
 from radartwin.features.profile import profile_correlation
-from radartwin.features.sets import BRIGHTNESS
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store

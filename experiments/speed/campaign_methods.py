@@ -33,7 +33,7 @@ from experiments.speed.methods import DEFAULT, OURS, POINTS, RFGENESIS
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.config.materials import VoidMaterials
-from radartwin.features.sets import BRIGHTNESS
+from radartwin.features.families import BRIGHTNESS
 from radartwin.io.progress import Progress
 from radartwin.recognize.probes import transferred_probe
 from radartwin.recognize.samples import Samples

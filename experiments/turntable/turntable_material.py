@@ -22,7 +22,7 @@ from experiments.drawing import DOMAIN_STYLES, legend_above, panels_width_in
 from experiments.draws import Query
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
-from radartwin.features.sets import BRIGHTNESS
+from radartwin.features.families import BRIGHTNESS
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import figure
 from radartwin.runs.experiment import Result, Table

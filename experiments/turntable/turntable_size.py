@@ -25,7 +25,7 @@ from experiments.statistics import Estimate
 from experiments.turntable.turntable_shape import is_can
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
-from radartwin.features.sets import BRIGHTNESS
+from radartwin.features.families import BRIGHTNESS
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import figure
 from radartwin.runs.experiment import Result, Table

@@ -59,8 +59,8 @@ class Limits:
         if motion not in stored["motions"]:
             raise InputError(f"no repeatability limits are known for motion {motion!r}; choose {', '.join(stored['motions'])}")
         known = stored["motions"][motion]
-        own = known["objects"].get(thing, known["pooled"])
-        return cls({name: max(limit, MIN_SHARE * known["pooled"][name]) for name, limit in own.items()}, stored["source"])
+        limits = known["objects"].get(thing, known["pooled"])
+        return cls({name: max(limit, MIN_SHARE * known["pooled"][name]) for name, limit in limits.items()}, stored["source"])
 
     def moved(self, names: Sequence[str], values: np.ndarray, reference: np.ndarray) -> tuple[float, str]:
         """Return the largest change of a feature, as a multiple of the feature's repeatability limit, and the name of this feature.
@@ -83,11 +83,11 @@ def distances(names: Sequence[str], values: np.ndarray, reference: np.ndarray) -
     """
     apart = np.abs(np.asarray(values) - reference)
     bins = np.array([name.startswith(_BIN) for name in names])
-    found = {name: float(d) for name, d, is_bin in zip(names, apart, bins, strict=True) if not is_bin}
+    by_feature = {name: float(d) for name, d, is_bin in zip(names, apart, bins, strict=True) if not is_bin}
     if bins.any():
         strong = bins & (np.maximum(values, reference) >= np.max(reference, where=bins, initial=-np.inf) - SPAN_DB)
-        found[PROFILE] = float(np.sqrt(np.mean(apart[strong] ** 2)))
-    return found
+        by_feature[PROFILE] = float(np.sqrt(np.mean(apart[strong] ** 2)))
+    return by_feature
 
 
 def measured(groups: Sequence[tuple[Sequence[str], np.ndarray]]) -> dict[str, float]:
@@ -104,6 +104,8 @@ def measured(groups: Sequence[tuple[Sequence[str], np.ndarray]]) -> dict[str, fl
         for name, s2 in zip(names, values.var(axis=0, ddof=1) * (len(values) - 1), strict=True):
             if not name.startswith(_BIN):
                 squares[name] = squares.get(name, 0.0) + float(s2)
-        between += [distance[PROFILE] for one, other in combinations(values, 2) if PROFILE in (distance := distances(names, one, other))]
-    found = {name: float(factor * np.sqrt(s2 / freedom)) for name, s2 in squares.items()}
-    return found | ({PROFILE: float(np.quantile(between, CONFIDENCE))} if between else {})
+        between += [
+            distance[PROFILE] for first, second in combinations(values, 2) if PROFILE in (distance := distances(names, first, second))
+        ]
+    limits = {name: float(factor * np.sqrt(s2 / freedom)) for name, s2 in squares.items()}
+    return limits | ({PROFILE: float(np.quantile(between, CONFIDENCE))} if between else {})

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from radartwin.adaptive.model import Model
-from radartwin.features import sets
+from radartwin.features import families as feature_families
 from radartwin.features.log import Log, Nominal
 from radartwin.features.processed import Processed, process
 from radartwin.radar.chirp import Radar
@@ -34,7 +34,7 @@ class Probe:
             its stand.
         radar, sensor_poses, motion: arguments of `simulate` for these frames. log: logged target distance and turntable angle of the same
             frames.
-        families: names of the feature families to compare (radartwin/features/sets.py).
+        families: names of the feature families to compare (radartwin/features/families.py).
         traced: {model: processed recording}, a cache that several probes with different feature families may share.
     """
 
@@ -60,7 +60,7 @@ class Probe:
     def features(self, model: Model) -> tuple[list[str], NDArray[np.floating]]:
         if model not in self.traced:
             self.traced[model] = self.record(model)
-        return sets.read(self.traced[model], self.log, self.families, turns=self.log.angle_rad is not None)
+        return feature_families.read(self.traced[model], self.log, self.families, turns=self.log.angle_rad is not None)
 
     def described(self) -> dict[str, Any]:
         """Return all inputs of the simulation that affect the features; the store derives its key from them."""
@@ -118,7 +118,7 @@ def _along(poses: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Interpolate poses (F, 4, 4) at fractional frame indices. From the last pose, the interpolation continues to the first."""
     known = np.concatenate([poses, poses[:1]]) if at.max() > len(poses) - 1 else poses
     times = np.arange(len(known))
-    found = np.tile(np.eye(4), (len(at), 1, 1))
-    found[:, :3, :3] = Slerp(times, Rotation.from_matrix(known[:, :3, :3]))(at).as_matrix()
-    found[:, :3, 3] = np.stack([np.interp(at, times, column) for column in known[:, :3, 3].T], axis=1)
-    return found
+    interpolated = np.tile(np.eye(4), (len(at), 1, 1))
+    interpolated[:, :3, :3] = Slerp(times, Rotation.from_matrix(known[:, :3, :3]))(at).as_matrix()
+    interpolated[:, :3, 3] = np.stack([np.interp(at, times, column) for column in known[:, :3, 3].T], axis=1)
+    return interpolated

@@ -126,8 +126,7 @@ def problem(name: str, folder: Path = FOLDER) -> Problem:
         InputError: the name is unknown, or the file does not have the checksum in answers.json.
         MissingError: the file is absent.
 
-    >>> found = problem("near")
-    >>> found.scenarios[0].answer.shape
+    >>> problem("near").scenarios[0].answer.shape
     (11, 256)
     """
     entries = index(folder)["problems"]
@@ -138,10 +137,10 @@ def problem(name: str, folder: Path = FOLDER) -> Problem:
     if not path.is_file():
         raise MissingError(f"{path}: the answers of problem {name} are missing; install radartwin again")
     content = path.read_bytes()
-    found = hashlib.sha256(content).hexdigest()
-    if found != entry["sha256"]:
+    digest = hashlib.sha256(content).hexdigest()
+    if digest != entry["sha256"]:
         raise InputError(
-            f"{path} has the SHA-256 checksum {found[:12]}..., but {INDEX} of version {version(folder)} says {entry['sha256'][:12]}...; "
+            f"{path} has the SHA-256 checksum {digest[:12]}..., but {INDEX} of version {version(folder)} says {entry['sha256'][:12]}...; "
             "install radartwin again"
         )
     arrays = files.read_arrays(path)

@@ -91,7 +91,7 @@ def method(name: str) -> Method:
     Raises:
         InputError: there is neither a method nor a simulator with this name, or a plug-in of this name clashes or cannot be loaded.
     """
-    known = {one.name: one for one in METHODS}
+    known = {entrant.name: entrant for entrant in METHODS}
     if name in known and name not in simulator_names(built_in=False):
         return known[name]
     if name not in simulator_names():
@@ -126,7 +126,7 @@ def published_seconds(
     seen = hits.distance[0] > rfgenesis.MIN_VISIBLE
     distance = hits.distance[0, seen]
     points = distance[:, None] * hits.directions[seen]
-    one = replace(radar, num_chirps=1, tx_positions_m=radar.tx_positions_m[:1], rx_positions_m=radar.rx_positions_m[:1])
+    single_channel = replace(radar, num_chirps=1, tx_positions_m=radar.tx_positions_m[:1], rx_positions_m=radar.rx_positions_m[:1])
     began = clock()
-    direct_frame(points, points, distance, one)
+    direct_frame(points, points, distance, single_channel)
     return traced + (clock() - began) * radar.num_chirps * radar.num_tx * radar.num_rx

@@ -116,9 +116,9 @@ def _problem(folder: Path, name: str, entry: Any) -> tuple[dict[str, np.ndarray]
     path = files.inside(folder, entry["file"])
     if not path.is_file():
         raise MissingError(f"{path}: no such file, but {where} names it; copy it into the folder")
-    found = hashlib.sha256(path.read_bytes()).hexdigest()
-    if found != entry.get("sha256"):
-        raise InputError(f"{path} has the SHA-256 checksum {found[:12]}..., not that of {where}; write the folder again")
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    if digest != entry.get("sha256"):
+        raise InputError(f"{path} has the SHA-256 checksum {digest[:12]}..., not that of {where}; write the folder again")
     arrays = _arrays(path, problem)
     shapes = entry.get("shapes")
     if shapes != {key: list(value.shape) for key, value in arrays.items()}:

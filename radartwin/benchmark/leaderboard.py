@@ -34,7 +34,7 @@ Row = dict[str, Any]
 
 def score(problem: Problem, signals: Mapping[str, np.ndarray]) -> Errors:
     """Return the errors of the signals (S, N) of each scenario of a problem; all scenarios have equal weight."""
-    pairs = [(signals[one.name][:, None, None, None], one.answer[:, None, None, None]) for one in problem.scenarios]
+    pairs = [(signals[scenario.name][:, None, None, None], scenario.answer[:, None, None, None]) for scenario in problem.scenarios]
     return compare(pairs, problem.radar, gate_m=problem.gate_m)
 
 
@@ -48,13 +48,13 @@ def row(method: str, problem: Problem, signals: Mapping[str, np.ndarray], second
     return dict(zip(COLUMNS, values, strict=True))
 
 
-def benchmark(output: Path, methods: Sequence[str], chosen: Sequence[str], say: Callable[[str], None]) -> tuple[Path, list[Row]]:
+def benchmark(output: Path, methods: Sequence[str], problem_names: Sequence[str], say: Callable[[str], None]) -> tuple[Path, list[Row]]:
     """Score methods, each a folder of signals or the name of a simulator, and write the leaderboard after each method.
 
     Args:
         methods: names or folders; an empty list means all of `entrants.METHODS`. If a name is both a known method and a folder, it means
             the method; give the folder as ./NAME.
-        chosen: names of the problems; an empty list means all. A folder is scored on those chosen problems that it contains.
+        problem_names: an empty list means all. A folder is scored on those of these problems that it contains.
     Returns: the path of the leaderboard and its rows.
     Raises:
         InputError, MissingError: a method or problem is unknown, or a folder is wrong. All arguments are checked before the first run.
@@ -65,14 +65,14 @@ def benchmark(output: Path, methods: Sequence[str], chosen: Sequence[str], say: 
     lock = path.with_name(f".{NAME}.lock")
     files.drop_stale(lock)
     kept = _read(path)  # before the first run, so that a file with other columns is refused early
-    problems = [answers.problem(name) for name in dict.fromkeys(chosen or answers.names())]
-    entered = [_entered(name, problems) for name in dict.fromkeys(methods or [one.name for one in entrants.METHODS])]
-    for one in entered:
-        rows = one(say)
+    problems = [answers.problem(name) for name in dict.fromkeys(problem_names or answers.names())]
+    entered = [_entered(name, problems) for name in dict.fromkeys(methods or [entrant.name for entrant in entrants.METHODS])]
+    for score_method in entered:
+        rows = score_method(say)
         replaced = {(new["method"], new["problem"]) for new in rows}
         with files.lock(lock):
-            found = _read(path)  # again, because another run may have added rows while the method ran
-            kept = [old for old in found if (old["method"], old["problem"]) not in replaced] + rows
+            stored = _read(path)  # again, because another run may have added rows while the method ran
+            kept = [old for old in stored if (old["method"], old["problem"]) not in replaced] + rows
             kept = [old for old in kept if old["answers_version"] == answers.version()]
             files.write_atomically(path, _text(kept))
     return path, kept
@@ -93,7 +93,7 @@ def processor() -> str:
 
 def _entered(name: str, problems: Sequence[Problem]) -> Callable[[Callable[[str], None]], list[Row]]:
     """Check a method and return the function that scores it on the problems."""
-    folder, known = Path(name), {one.name for one in entrants.METHODS} | set(simulator_names())
+    folder, known = Path(name), {entrant.name for entrant in entrants.METHODS} | set(simulator_names())
     if name not in known and (folder.is_dir() or "/" in name):
         described, entries = entry_folder.read(folder)
         if described["method"] in known:
@@ -102,10 +102,10 @@ def _entered(name: str, problems: Sequence[Problem]) -> Callable[[Callable[[str]
                 "simulator; give your method another name"
             )
 
-        found = [(problem, *entries[problem.name]) for problem in problems if problem.name in entries]
-        if not found:
+        submitted = [(problem, *entries[problem.name]) for problem in problems if problem.name in entries]
+        if not submitted:
             raise InputError(f"{folder} has none of the chosen problems; choose --problem from {', '.join(entries)}")
-        return lambda _: [row(described["method"], *one, described.get("machine") or "") for one in found]
+        return lambda _: [row(described["method"], *solution, described.get("machine") or "") for solution in submitted]
     method = entrants.method(name)
 
     def simulated(say: Callable[[str], None]) -> list[Row]:
@@ -138,7 +138,7 @@ def _text(rows: Sequence[Row]) -> str:
 
 def table(rows: Sequence[Row]) -> str:
     """Return the main columns of the leaderboard as text."""
-    shown = COLUMNS[:5]
-    lines = [shown, *([str(one[column]) for column in shown] for one in rows)]
-    widths = [max(len(line[i]) for line in lines) for i in range(len(shown))]
+    columns = COLUMNS[:5]
+    lines = [columns, *([str(entry[column]) for column in columns] for entry in rows)]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(columns))]
     return "\n".join("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines)

@@ -57,9 +57,9 @@ def compare(pairs: Sequence[tuple[np.ndarray, np.ndarray]], radar: Radar, gain_d
         gate_m: ranges in which the reference is valid. The profiles are compared inside it, and the signal error is that of the complex
             range spectra inside it. None compares the profiles from NEAR_M to FAR_M and the signals over all samples.
 
-    >>> one = np.exp(2j * np.pi * 20 * np.arange(256) / 256)[None, None, None, None]
-    >>> found = compare([(0.5 * one, one)], Radar.iwr1843())
-    >>> round(found.signal, 6), round(found.profile_db, 2), round(found.free_db, 2), round(found.gain_db, 1)
+    >>> tone = np.exp(2j * np.pi * 20 * np.arange(256) / 256)[None, None, None, None]
+    >>> errors = compare([(0.5 * tone, tone)], Radar.iwr1843())
+    >>> round(errors.signal, 6), round(errors.profile_db, 2), round(errors.free_db, 2), round(errors.gain_db, 1)
     (0.5, 6.02, 0.0, 6.0)
     """
     gain = 10 ** (gain_db / 20)
@@ -76,8 +76,8 @@ def compare(pairs: Sequence[tuple[np.ndarray, np.ndarray]], radar: Radar, gain_d
 
 def _rms(both: Sequence[tuple[np.ndarray, np.ndarray]], gain_db: float) -> float:
     squares = []
-    for ours, reference in both:
+    for power, reference in both:
         floor = reference.max(axis=1, keepdims=True) * 10 ** (-DYNAMIC_DB / 10)
-        apart = decibels(np.maximum(ours * 10 ** (gain_db / 10), floor)) - decibels(np.maximum(reference, floor))
+        apart = decibels(np.maximum(power * 10 ** (gain_db / 10), floor)) - decibels(np.maximum(reference, floor))
         squares.append(np.mean(apart[reference > floor] ** 2))
     return float(np.sqrt(np.mean(squares)))

@@ -98,10 +98,10 @@ class Revolution:
         key = product.key
 
         def build(folder: Path) -> None:
-            chosen, seed = self.config.supervision, [self.config.seed, int(key[:8], 16)]
-            strengths = Randomisation(**asdict(chosen.randomise))
+            supervision, seed = self.config.supervision, [self.config.seed, int(key[:8], 16)]
+            strengths = Randomisation(**asdict(supervision.randomise))
             echoes = self._echoes(strengths, seed) if strengths.moves_target else []
-            names, values = feature_rows(Processed.load(product.path), self.log, echoes, chosen.copies, strengths, seed)
+            names, values = feature_rows(Processed.load(product.path), self.log, echoes, supervision.copies, strengths, seed)
             save_arrays(folder, {"names": np.array(names), "values": values})
 
         copied = store.fetch(COPIES, self._copies_spec(key), COPIES_ROOTS, build)
@@ -122,9 +122,9 @@ class Revolution:
         """Return the signals of the antenna channels for the nominal object alone in free space, and for each randomly changed object
         (`randomise.echoes_alone`).
         """
-        course, chosen = self.setup.course, self.config.supervision
+        course, supervision = self.setup.course, self.config.supervision
         surfaces = [surface for surface in self.setup.target if surface.name == TARGET]
-        count, options = min(chosen.variants, chosen.copies), simulator_options(fixed_simulator(self.config.simulator))
+        count, options = min(supervision.variants, supervision.copies), simulator_options(fixed_simulator(self.config.simulator))
         return list(echoes_alone(surfaces, self.setup.radar, course.sensor_poses, course.target_poses, strengths, count, seed, **options))
 
     def _simulate(self, folder: Path) -> dict[str, int]:
@@ -140,7 +140,7 @@ def compute(revolution: Revolution) -> None:
 
 
 def plan(
-    config: Config, own: Sequence[OwnObject], distances_m: Sequence[float], frames: int | None, root: Path
+    config: Config, own_objects: Sequence[OwnObject], distances_m: Sequence[float], frames: int | None, root: Path
 ) -> tuple[list[Revolution], dict[str, Any]]:
     """Return the revolutions of all objects at all distances, and a description of the room (see `describe_room`).
 
@@ -164,21 +164,21 @@ def plan(
         raise InputError(f"--frames {frames} in {trajectory.period_s:g} s need too high a frame rate ({error}); lower --frames") from error
     room = build_room(config.scene, config.materials, config.seed)
     described = describe_room(room, config.scene, config.materials)
-    found: list[Revolution] = []
+    revolutions: list[Revolution] = []
     for distance_m in distances_m:
         course = build_course(replace(trajectory, distance_m=distance_m), radar, room)
-        if not found:
+        if not revolutions:
             room = add_layout(config.scene, room, course.sensor_poses[0])
             check_course(room, radar, course)
-        for one in own:
-            facing = pose([0.0, 0.0, -one.aim_m], np.diag([-1.0, -1.0, 1.0]))  # in the first frame, the front faces the radar
-            target = Scene(surface.moved(facing).replaced(name=TARGET) for surface in one.surfaces)
+        for own_object in own_objects:
+            facing = pose([0.0, 0.0, -own_object.aim_m], np.diag([-1.0, -1.0, 1.0]))  # in the first frame, the front faces the radar
+            target = Scene(surface.moved(facing).replaced(name=TARGET) for surface in own_object.surfaces)
             axis = course.target_poses[0, :3, 3]
-            _check_place(room, one, course.sensor_poses[0, :3, 3], axis, distance_m)
-            placed = rooms.support(axis - [0, 0, one.aim_m + rooms.GAP]) + target if config.scene.stand else target
+            _check_place(room, own_object, course.sensor_poses[0, :3, 3], axis, distance_m)
+            placed = rooms.support(axis - [0, 0, own_object.aim_m + rooms.GAP]) + target if config.scene.stand else target
             setup = Setup(room, placed, radar, course, {TARGET: course.target_poses}, described)
-            found.append(Revolution(one.name, distance_m, setup, config, root))
-    return found, described
+            revolutions.append(Revolution(own_object.name, distance_m, setup, config, root))
+    return revolutions, described
 
 
 def check_distances(distances_m: Sequence[float]) -> None:
@@ -194,14 +194,14 @@ def check_distances(distances_m: Sequence[float]) -> None:
             raise InputError(f"--distances: {distance_m:g} m is given twice; leave one out")
 
 
-def _check_place(room: Scene, one: OwnObject, sensor: np.ndarray, axis: np.ndarray, distance_m: float) -> None:
+def _check_place(room: Scene, own_object: OwnObject, sensor: np.ndarray, axis: np.ndarray, distance_m: float) -> None:
     """Raise SceneError if the turning object would touch the radar or a surface of the room, or if a surface hides it from the radar."""
-    where = f"{one.name} at {distance_m:g} m"
+    where = f"{own_object.name} at {distance_m:g} m"
     remedy = "move the radar (trajectory.position_m, trajectory.heading_deg) or change --distances"
-    if one.radius_m >= distance_m:
-        raise SceneError(f"{where} reaches {one.radius_m:.2f} m from its axis and touches the radar; use a larger distance")
-    height = float(one.size_m[2])
-    swept = objects.cylinder(one.radius_m, height, 24).apply_transform(pose(axis + np.array([0, 0, height / 2 - one.aim_m])))
+    if own_object.radius_m >= distance_m:
+        raise SceneError(f"{where} reaches {own_object.radius_m:.2f} m from its axis and touches the radar; use a larger distance")
+    height = float(own_object.size_m[2])
+    swept = objects.cylinder(own_object.radius_m, height, 24).apply_transform(pose(axis + np.array([0, 0, height / 2 - own_object.aim_m])))
     for surface in room:
         if first_crossing(sensor[None], axis[None], surface.mesh) is not None:
             raise SceneError(f"{where} is hidden from the radar by surface '{surface.name}'; {remedy}")

@@ -13,7 +13,7 @@ from radartwin.adaptive.probe import Probe
 from radartwin.config.simulator import AutoSimulator, MitsubaSimulator, SimulatorConfig
 from radartwin.config.study import FeaturesConfig
 from radartwin.errors import ConfigError
-from radartwin.features.families import SETS, feature_set
+from radartwin.features.sets import SETS, feature_set
 from radartwin.scene.scene import Scene
 from radartwin.simulation.backends.backend import backend, settings_of
 from radartwin.store.products import Store, save_json

@@ -103,8 +103,8 @@ def _add_recordings(group: Verbs) -> None:
     captures.add_argument("--out", metavar="SET", type=Path, required=True, help="folder of the set; an existing set is extended")
     captures.add_argument("--map", metavar="FILE", type=Path, help=".yaml or .csv: the columns of each capture")
     _capture(captures)
-    chosen = "import only these frames of each capture, such as 100:200 (default: all)"
-    captures.add_argument("--frames", metavar="FIRST:END", type=_frames, default=slice(None), help=chosen)
+    frames_help = "import only these frames of each capture, such as 100:200 (default: all)"
+    captures.add_argument("--frames", metavar="FIRST:END", type=_frames, default=slice(None), help=frames_help)
 
     _add_export(group)
 

@@ -43,26 +43,26 @@ SET_BY = {"scene.target": "OBJECTS", "trajectory.distance_m": "--distances", "tr
 
 def train(options: argparse.Namespace) -> int:
     config = configured(options)
-    own = read_objects(options.objects, config.contents)
-    vectors = anchors(own)
+    objects = read_objects(options.objects, config.contents)
+    vectors = anchors(objects)
     stored.check_model_folder(options.out)
     progress = Progress()
     tracker = Tracker(config.tracking, Path(config.output))
     root = Path(config.output) / "cache"
-    planned, room = revolutions.plan(config, own, options.distances, options.frames, root)
+    planned, room = revolutions.plan(config, objects, options.distances, options.frames, root)
     store = Store(root, progress.say)
     with products.counting() as counts:
         rows, keys = simulated(planned, config.jobs, store, progress)
-    trained = trained_on(config, own, planned, room)
+    trained = trained_on(config, objects, planned, room)
     features = {"set": FEATURES, "without": list(WITHOUT), "period_s": trained.period_s, "frames_per_turn": trained.frames}
     settings = replace(Settings(**asdict(config.supervision.encoder)), paired=0.0)
-    product = fitted(own, Training(vectors, settings, config.seed, features), trained, rows, keys, store, tracker)
+    product = fitted(objects, Training(vectors, settings, config.seed, features), trained, rows, keys, store, tracker)
     stored.copy(product, options.out)
     tested = stored.read_held_out(product)
     made = counts.by_kind[f"{revolutions.REVOLUTION} built"]
     progress.say(f"simulated {made} recordings, reused {len(planned) - made}")
-    found = "no accuracy, because no distance was held out" if tested is None else f"{tested.accuracy:.1%} correct at held-out distances"
-    print(f"{options.out}: {len(own)} classes; {found} (simulation, not reality); {options.out / CARD} has the details")
+    accuracy = "no accuracy, because no distance was held out" if tested is None else f"{tested.accuracy:.1%} correct at held-out distances"
+    print(f"{options.out}: {len(objects)} classes; {accuracy} (simulation, not reality); {options.out / CARD} has the details")
     return 0
 
 
@@ -71,14 +71,14 @@ def configured(options: argparse.Namespace) -> Config:
     given = [*options.overrides, *([path_override("output", options.output)] if options.output else [])]
     keys = refuse_unread("train", given, READ, SET_BY)
     target = "scene.target=corner_reflector"  # a placeholder, because the configuration cannot name the user's objects
-    ours = ["features=rotation", f"features.without=[{','.join(WITHOUT)}]", target]
+    presets = ["features=rotation", f"features.without=[{','.join(WITHOUT)}]", target]
     if options.room:
         if "scene" in keys or "scene.path" in keys:
             raise ConfigError("--room and scene= both choose the room; give one of them")
-        ours += ["scene=scan", path_override("scene.path", options.room)]
+        presets += ["scene=scan", path_override("scene.path", options.room)]
     elif "scene" not in keys:
-        ours.append("scene=empty")
-    config = compose([*ours, *given], options.config_dir)
+        presets.append("scene=empty")
+    config = compose([*presets, *given], options.config_dir)
     if config.supervision.mode != "label_free":
         raise ConfigError(f"supervision={config.supervision.mode} needs measured recordings, but train uses simulation only; leave it out")
     return config
@@ -89,22 +89,22 @@ def simulated(planned: Sequence[Revolution], jobs: int, store: Store, progress: 
 
     Workers compute the missing results.
     """
-    missing = [(one,) for one in planned if not one.is_stored(store)]
+    missing = [(revolution,) for revolution in planned if not revolution.is_stored(store)]
     if missing:
         with progress.task("recordings simulated", len(missing)) as done:
             workers.each(revolutions.compute, missing, jobs, done)
-    found = [one.part(store) for one in planned]
-    return gather(found[0][1], [part for _, _, part in found]), {part.recording: key for key, _, part in found}
+    parts = [revolution.part(store) for revolution in planned]
+    return gather(parts[0][1], [part for _, _, part in parts]), {part.recording: key for key, _, part in parts}
 
 
-def trained_on(config: Config, own: Sequence[OwnObject], planned: Sequence[Revolution], room: Mapping[str, Any]) -> TrainedOn:
+def trained_on(config: Config, objects: Sequence[OwnObject], planned: Sequence[Revolution], room: Mapping[str, Any]) -> TrainedOn:
     assert isinstance(config.trajectory, TurntableTrajectory)
     return TrainedOn(
         radar=Path(config.radar.file).name if config.radar.file else config.radar.name,
         radar_settings=planned[0].setup.radar.to_dict(),
         surroundings=surroundings(room),
         simulator=config.simulator.backend,
-        distances_m=tuple(dict.fromkeys(one.distance_m for one in planned)),
+        distances_m=tuple(dict.fromkeys(revolution.distance_m for revolution in planned)),
         frames=planned[0].frames,
         period_s=config.trajectory.period_s,
         copies=config.supervision.copies,
@@ -112,32 +112,40 @@ def trained_on(config: Config, own: Sequence[OwnObject], planned: Sequence[Revol
         randomise=asdict(config.supervision.randomise),
         seed=config.seed,
         recordings=len(planned),
-        described=any(one.description for one in own),
+        described=any(own_object.description for own_object in objects),
     )
 
 
 def fitted(
-    own: Sequence[OwnObject], training: Training, trained: TrainedOn, rows: Samples, keys: Mapping[str, str], store: Store, tracker: Tracker
+    objects: Sequence[OwnObject],
+    training: Training,
+    trained: TrainedOn,
+    rows: Samples,
+    keys: Mapping[str, str],
+    store: Store,
+    tracker: Tracker,
 ) -> Product:
     """Train the recogniser or read it from the store, track it in MLflow, and return its stored result."""
-    objects = [[one.name, one.origin, one.material, one.size_m, one.description] for one in own]
-    spec = {"recordings": dict(keys), "trained": trained, "training": training, "objects": objects}
+    described = [
+        [own_object.name, own_object.origin, own_object.material, own_object.size_m, own_object.description] for own_object in objects
+    ]
+    spec = {"recordings": dict(keys), "trained": trained, "training": training, "objects": described}
     key = store.key(KIND, spec, ROOTS)
     records: list[Record] = []
     with contextlib.ExitStack() as tracked:
 
         def track() -> None:
-            records.append(tracked.enter_context(tracker.run(TABLE, key, f"{len(own)} objects", params(trained, own))))
+            records.append(tracked.enter_context(tracker.run(TABLE, key, f"{len(objects)} objects", params(trained, objects))))
 
         def build(folder: Path) -> None:
             track()
-            stored.write(folder, rows, training, own, trained, {**asdict(trained), "recordings": dict(keys)})
+            stored.write(folder, rows, training, objects, trained, {**asdict(trained), "recordings": dict(keys)})
 
         product = store.fetch(KIND, spec, ROOTS, build)
         if product.reused and not tracker.known(TABLE, key):  # trained with tracking=off, or tracked on another server
             track()
         for record in records:
-            record.metrics = metrics(stored.read_held_out(product), len(own))
+            record.metrics = metrics(stored.read_held_out(product), len(objects))
             record.artifacts, record.inputs = sorted(product.path.iterdir()), {revolutions.COPIES: sorted(keys.values())}
     return product
 
@@ -148,11 +156,12 @@ def surroundings(room: Mapping[str, Any]) -> str:
     return f"room {scene.get('path', scene['name'])}; {line}" if (line := materials_line(dict(room))) else FREE_SPACE
 
 
-def params(trained: TrainedOn, own: Sequence[OwnObject]) -> dict[str, str]:
+def params(trained: TrainedOn, objects: Sequence[OwnObject]) -> dict[str, str]:
     """Return the values that MLflow shows as parameters of the run."""
-    names, distances = ", ".join(one.name for one in own), " ".join(f"{distance_m:g}" for distance_m in trained.distances_m)
-    shown = {name: value for name, value in asdict(trained).items() if name != "radar_settings"}
-    return {name: str(value)[:LONGEST] for name, value in {**shown, "distances_m": distances, "objects": names}.items()}
+    names = ", ".join(own_object.name for own_object in objects)
+    distances = " ".join(f"{distance_m:g}" for distance_m in trained.distances_m)
+    values = {name: value for name, value in asdict(trained).items() if name != "radar_settings"}
+    return {name: str(value)[:LONGEST] for name, value in {**values, "distances_m": distances, "objects": names}.items()}
 
 
 def metrics(tested: HeldOut | None, classes: int) -> dict[str, float]:

@@ -24,8 +24,8 @@ class MaterialsConfig:
 
     def arguments(self, seed: int) -> dict[str, Any]:
         """Return the arguments with which `radartwin.label.sources.material_source` makes this source, except the source's name."""
-        own = {entry.name: getattr(self, entry.name) for entry in fields(self) if entry.name not in ("source", "code")}
-        return own | ({"seed": seed} if self.seeded else {})
+        settings = {entry.name: getattr(self, entry.name) for entry in fields(self) if entry.name not in ("source", "code")}
+        return settings | ({"seed": seed} if self.seeded else {})
 
 
 @dataclass

@@ -113,7 +113,7 @@ def _schema(plugin: Plugin) -> type:
         owner, base, selector = source(plugin), PluginMaterials, "source"
     inherited = {field.name for field in dataclasses.fields(base)}
     hints = typing.get_type_hints(owner)
-    own = []
+    settings = []
     for field in dataclasses.fields(owner):
         if field.name == "variant" and base is PluginSimulator:
             continue  # every simulator has this key
@@ -121,10 +121,10 @@ def _schema(plugin: Plugin) -> type:
             continue
         if field.name in inherited:
             raise plugins.refusal(plugin, f"the setting '{field.name}' has the name of a key that every option has")
-        own.append((field.name, _typed(plugin, field.name, hints[field.name]), _default(plugin, field)))
-    own += [(selector, str, plugin.name), ("code", str, code_of(plugin))]
+        settings.append((field.name, _typed(plugin, field.name, hints[field.name]), _default(plugin, field)))
+    settings += [(selector, str, plugin.name), ("code", str, code_of(plugin))]
     namespace = {"__doc__": f"The option of {plugin}.", "seeded": "seed" in hints, "__reduce__": functools.partialmethod(_pickled, plugin)}
-    made = dataclasses.make_dataclass(f"Plugged_{plugin.name}", own, bases=(base,), namespace=namespace)
+    made = dataclasses.make_dataclass(f"Plugged_{plugin.name}", settings, bases=(base,), namespace=namespace)
     made.__module__ = __name__
     return made
 
@@ -140,7 +140,7 @@ def _unpickled(plugin: Plugin, values: Mapping[str, Any]) -> Any:
 def _typed(plugin: Plugin, name: str, hint: Any) -> Any:
     """Return the type of a setting for OmegaConf: a scalar, a list of scalars, or either with None."""
     options = typing.get_args(hint) if typing.get_origin(hint) in (typing.Union, types.UnionType) else (hint,)
-    kinds = [one for one in options if one is not type(None)]
+    kinds = [option for option in options if option is not type(None)]
     (kind,) = kinds if len(kinds) == 1 else (None,)
     if typing.get_origin(kind) is typing.Literal:
         kind = str if all(isinstance(value, str) for value in typing.get_args(kind)) else None

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 from radartwin.config.checks import check_fields, check_selector, choice, not_negative, number, path_name, positive, url
 from radartwin.config.scene import ROOMS
 from radartwin.errors import ConfigError
-from radartwin.features.families import families
+from radartwin.features.sets import families
 
 _STUDY = "radartwin/config/study.py"
 MOST_STRENGTH = 4.0  # twice the largest strength of any table; nothing beyond it was tested
@@ -20,8 +20,8 @@ def strength(source: str, default: float = 1.0, most: float = MOST_STRENGTH) -> 
 
     `source` names the publication or data sheet that gives the size at strength 1, or says that the size is an order of magnitude.
     """
-    found = number(default, lambda value: 0 <= value <= most, f"from 0 to {most:g}")
-    return field(default=found.default, metadata={**found.metadata, "source": source})
+    setting = number(default, lambda value: 0 <= value <= most, f"from 0 to {most:g}")
+    return field(default=setting.default, metadata={**setting.metadata, "source": source})
 
 
 @dataclass
@@ -122,7 +122,7 @@ class RecordingsConfig(MeasuredConfig):
 class FeaturesConfig:
     """The signal features that are computed from a recording: a named group of features, optionally without some feature families."""
 
-    name: str = "raw"  # named group of features (radartwin/features/families.py): rotation | depth | lateral | raw
+    name: str = "raw"  # named group of features (radartwin/features/sets.py): rotation | depth | lateral | raw
     without: list[str] = field(default_factory=list)  # names of feature families to leave out, such as brightness
     code: str = ""  # digest of the source code of a plug-in's feature set, which is part of run keys
 

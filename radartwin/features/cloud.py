@@ -40,7 +40,7 @@ def detections(processed: Processed) -> list[NDArray[np.float64]]:
     taper = np.hamming(places.max() + 1)[places]
     weights = (weights * (taper / taper.mean())[:, None]).astype(np.complex64)
     inside = (processed.range_m >= NEAR_M) & (processed.range_m <= FAR_M)
-    range_m, found = processed.range_m[inside], []
+    range_m, clouds = processed.range_m[inside], []
     for frame in processed.channels:
         power = np.abs(frame.T @ weights).astype(np.float64) ** 2  # (B, azimuths)
         hits, _ = ca_cfar(
@@ -55,8 +55,8 @@ def detections(processed: Processed) -> list[NDArray[np.float64]]:
         level = power[rows, columns]
         lobe = (np.abs(rows[:, None] - rows) <= BESIDE_BINS) & (level[:, None] < level * 10 ** (-LOBE_DB / 10))
         kept = np.flatnonzero(~lobe.any(axis=1))
-        found.append(np.column_stack([range_m[rows[kept]], AZIMUTH_RAD[columns[kept]]]))
-    return found
+        clouds.append(np.column_stack([range_m[rows[kept]], AZIMUTH_RAD[columns[kept]]]))
+    return clouds
 
 
 def chamfer_m(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
@@ -71,8 +71,8 @@ def chamfer_m(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
     """
     if not (len(first) and len(second)):
         return float("nan")
-    one, two = (some[:, :1] * np.column_stack([np.cos(some[:, 1]), np.sin(some[:, 1])]) for some in (first, second))
-    apart = np.linalg.norm(one[:, None] - two[None], axis=2)
+    first_m, second_m = (cloud[:, :1] * np.column_stack([np.cos(cloud[:, 1]), np.sin(cloud[:, 1])]) for cloud in (first, second))
+    apart = np.linalg.norm(first_m[:, None] - second_m[None], axis=2)
     return float((apart.min(axis=1).mean() + apart.min(axis=0).mean()) / 2)
 
 

@@ -33,11 +33,11 @@ def radial_velocity(processed: Processed, target_m: ArrayLike) -> NDArray[np.flo
     if processed.doppler is None:
         raise InputError("radial velocity: the recording was processed without Doppler; use process(recording, doppler=True)")
     limit = processed.radar.max_velocity_mps
-    turn = np.exp(1j * np.pi * processed.velocity_mps / limit)
+    phasor = np.exp(1j * np.pi * processed.velocity_mps / limit)
     target_m = np.broadcast_to(target_m, processed.num_frames)
     bins = range(len(processed.velocity_mps))
     spectrum = np.stack([gate_energies(processed.doppler[:, u], processed.range_m, target_m)[0] for u in bins], axis=1)
-    return limit / np.pi * np.angle(spectrum @ turn)
+    return limit / np.pi * np.angle(spectrum @ phasor)
 
 
 def range_rate(track_m: NDArray, frame_rate_hz: float) -> NDArray[np.float64]:

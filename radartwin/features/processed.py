@@ -85,10 +85,10 @@ class Processed:
         """Return the noise power in each of the B range bins, (B,), or zeros if `noise` is None."""
         return np.zeros(len(self.range_m)) if self.noise is None else self.noise.astype(np.float64)
 
-    def frames(self, chosen: slice | NDArray) -> Processed:
-        """Return only the frames that `chosen` selects. If `chosen` is a slice, the result shares its arrays with this object."""
-        doppler = None if self.doppler is None else self.doppler[chosen]
-        return Processed(self.radar, self.range_m, self.power[chosen], self.channels[chosen], doppler, self.velocity_mps, self.noise)
+    def frames(self, selection: slice | NDArray) -> Processed:
+        """Return only the frames that `selection` selects. If `selection` is a slice, the result shares its arrays with this object."""
+        doppler = None if self.doppler is None else self.doppler[selection]
+        return Processed(self.radar, self.range_m, self.power[selection], self.channels[selection], doppler, self.velocity_mps, self.noise)
 
     def save(self, folder: str | Path) -> None:
         """Write the processed recording into a folder. The method writes the arrays last, so that `load` refuses an interrupted save."""

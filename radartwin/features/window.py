@@ -33,8 +33,8 @@ def energies(power: NDArray, range_m: NDArray, centre_m: NDArray) -> NDArray[np.
     """
     width = float(np.diff(range_m).mean())
     edges = np.concatenate([range_m - width / 2, range_m[-1:] + width / 2])
-    used = np.where(range_m >= NEAR_M, power, 0.0)
-    cumulative = np.concatenate([np.zeros((*used.shape[:-1], 1)), np.cumsum(used, axis=-1, dtype=np.float64)], axis=-1)
+    gated = np.where(range_m >= NEAR_M, power, 0.0)
+    cumulative = np.concatenate([np.zeros((*gated.shape[:-1], 1)), np.cumsum(gated, axis=-1, dtype=np.float64)], axis=-1)
     bin_edges = np.asarray(centre_m)[:, None] + WIDTH_M * (np.arange(BINS + 1) - BINS / 2)
     # Interpolate the cumulative energy linearly between the edges of range bins, like np.interp, but with one row per frame.
     place = np.clip((bin_edges - edges[0]) / width, 0, len(range_m))

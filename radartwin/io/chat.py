@@ -72,7 +72,7 @@ class Endpoint:
         self._plain = False
 
     @property
-    def shown(self) -> str:
+    def public_url(self) -> str:
         """Return the URL of the server for messages, without user name, password and query."""
         parts = urlsplit(self.url)
         return urlunsplit((parts.scheme, parts.netloc.rpartition("@")[2], parts.path.rstrip("/"), "", ""))
@@ -123,7 +123,7 @@ class Endpoint:
         try:
             text = response.json()["choices"][0]["message"]["content"]
         except (ValueError, KeyError, IndexError, TypeError) as error:
-            raise BackendError(f"{self.shown} does not answer as an OpenAI-compatible server ({error}); check its address") from error
+            raise BackendError(f"{self.public_url} does not answer as an OpenAI-compatible server ({error}); check its address") from error
         return hidden(text, self._secret) if isinstance(text, str) else ""
 
     def _post(self, client: httpx.Client, body: Mapping[str, Any]) -> httpx.Response:
@@ -138,7 +138,7 @@ class Endpoint:
             except httpx.TimeoutException:
                 problem, error_type = f"no answer within {self.timeout_s:g} s", NoAnswerInTime
             except httpx.ConnectError as error:  # no server is running at the URL, so that another try would fail too
-                raise BackendError(f"{self.shown}: no connection ({error}); start the server, or correct its address") from error
+                raise BackendError(f"{self.public_url}: no connection ({error}); start the server, or correct its address") from error
             except httpx.TransportError as error:
                 problem = f"the connection broke ({hidden(str(error), self._secret) or type(error).__name__})"
             else:
@@ -148,7 +148,7 @@ class Endpoint:
                 pause = min(_retry_after(response, pause), LONGEST_PAUSE_S)
             if attempt + 1 < self.requests and self.down.wait(pause):
                 break
-        raise error_type(f"{self.shown}: {problem} after {self.requests} tries; see that the server runs and serves {self.model}")
+        raise error_type(f"{self.public_url}: {problem} after {self.requests} tries; see that the server runs and serves {self.model}")
 
     def _refusal(self, response: httpx.Response) -> str:
         remedy = {
@@ -157,7 +157,7 @@ class Endpoint:
             404: f"check the address and that it serves {self.model}",
         }.get(response.status_code, "see the server's log")
         text = hidden(" ".join(response.text.split()), self._secret)[:200]
-        return f"{self.shown} refuses with status {response.status_code} ({text}); {remedy}"
+        return f"{self.public_url} refuses with status {response.status_code} ({text}); {remedy}"
 
 
 def _retry_after(response: httpx.Response, otherwise: float) -> float:

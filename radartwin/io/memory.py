@@ -69,8 +69,8 @@ def _group_bytes(root: Path = Path("/sys/fs/cgroup"), process: Path = Path("/pro
     """Return the memory in bytes that the memory limits of this process's control groups (version 2) leave; infinity without a limit."""
     free = math.inf
     with contextlib.suppress(OSError, ValueError, StopIteration):
-        own = next(line.strip()[4:] for line in process.read_text().splitlines() if line.startswith("0::/"))
-        for folder in (root / own, *(root / own).parents):
+        group = next(line.strip()[4:] for line in process.read_text().splitlines() if line.startswith("0::/"))
+        for folder in (root / group, *(root / group).parents):
             if (limit := folder / "memory.max").is_file() and (most := limit.read_text().strip()) != "max":
                 cached = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())["inactive_file"]
                 free = min(free, int(most) - int((folder / "memory.current").read_text()) + int(cached))

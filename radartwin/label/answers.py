@@ -142,19 +142,19 @@ def material_of(answer: Answer) -> tuple[str | Layered, Roughness, bool]:
     ('concrete', Layered(layers=(('ceiling_board', 0.015),), backing='air'))
     """
     entry = row(answer.material)
-    found = specified(answer)
+    resolved = specified(answer)
     base, rough = entry.material, CLASSES[entry.texture]
-    if found is not None:
-        base = _build_up(found, entry)
-        texture = next((n for n in (found.name, found.material) if isinstance(n, str) and n in CLASSES), None)
+    if resolved is not None:
+        base = _build_up(resolved, entry)
+        texture = next((n for n in (resolved.name, resolved.material) if isinstance(n, str) and n in CLASSES), None)
         rough = CLASSES[texture] if texture and answer.material not in COVERED else rough
     if answer.finish in FINISHES:
         height_m, source = FINISHES[answer.finish]
         rough = Roughness(height_m, rough.correlation_m, source)
     shell = interior(base, answer.wall_thickness_mm, answer.contents)
     # If the material name in the answer agrees with the MINC category, the layers of that category count as known.
-    confirms = found is None or found.category in (answer.material, *COVERED)
-    stand_in = entry.stand_in(exact=found is not None or shell != base) if confirms or found is None else found.stand_in
+    confirms = resolved is None or resolved.category in (answer.material, *COVERED)
+    stand_in = entry.stand_in(exact=resolved is not None or shell != base) if confirms or resolved is None else resolved.stand_in
     return shell, rough, stand_in or (shell != base and answer.contents not in ("empty", "solid", "unknown"))
 
 
@@ -166,30 +166,30 @@ def specified(answer: Answer) -> Resolved | None:
     contains two materials: the lower material is used if the answer's MINC category is a cover such as paint, otherwise the upper material.
     """
     parts = re.split(r"\b(?:on|onto|over)\b", answer.named or "")
-    found = mentioned(parts[-1 if answer.material in COVERED else 0]) or mentioned(answer.named or "")
-    if found is None or found.name == answer.material:
+    resolved = mentioned(parts[-1 if answer.material in COVERED else 0]) or mentioned(answer.named or "")
+    if resolved is None or resolved.name == answer.material:
         return None
-    agrees = found.category in (None, answer.material) or answer.material in (*COVERED, "other")
-    return found if agrees else None
+    agrees = resolved.category in (None, answer.material) or answer.material in (*COVERED, "other")
+    return resolved if agrees else None
 
 
-def _build_up(found: Resolved, entry: Row) -> str | Layered:
-    """Return the usual layers of the named material `found`. The row `entry` belongs to the MINC category in the answer.
+def _build_up(resolved: Resolved, entry: Row) -> str | Layered:
+    """Return the usual layers of the named material `resolved`. The row `entry` belongs to the MINC category in the answer.
 
     The function uses the layers that belong to the name itself (its MINC category or BUILD_UPS). Otherwise it uses a sheet of the named
     material that is as thick as the sheet in `entry`, or the common sheet or half-space of the named material.
     """
-    if isinstance(found.material, Layered):
-        return found.material
-    if found.material in BUILD_UPS and found.name not in PERMITTIVITY and found.category is None:
-        return BUILD_UPS[found.material]
+    if isinstance(resolved.material, Layered):
+        return resolved.material
+    if resolved.material in BUILD_UPS and resolved.name not in PERMITTIVITY and resolved.category is None:
+        return BUILD_UPS[resolved.material]
     usual = entry.material
-    plain = found.category is None and found.material != "metal"
+    plain = resolved.category is None and resolved.material != "metal"
     if plain and isinstance(usual, Layered) and len(usual.layers) == 1 and usual.backing == "air":
-        return Layered([(found.material, usual.layers[0][1])])
-    if found.name in PERMITTIVITY and found.material in MATERIAL_THICKNESS:
-        return half_space(found.material)  # the substitute has the reflection of a half-space
-    return found.material
+        return Layered([(resolved.material, usual.layers[0][1])])
+    if resolved.name in PERMITTIVITY and resolved.material in MATERIAL_THICKNESS:
+        return half_space(resolved.material)  # the substitute has the reflection of a half-space
+    return resolved.material
 
 
 def interior(material: str | Layered, wall_thickness_mm: float | None, contents: str | None) -> str | Layered:
@@ -224,12 +224,12 @@ def _closest_category(name: str) -> str:
     same material, else `other`.
     """
     try:
-        found = resolve(name)
+        resolved = resolve(name)
     except MaterialError:
         return name  # an unknown material name stays in the answer, so that the answer violates the schema
-    if found.category is not None:
-        return found.category
-    same = (layered(found.material), half_space(found.material))
+    if resolved.category is not None:
+        return resolved.category
+    same = (layered(resolved.material), half_space(resolved.material))
     return next((category for category in CATEGORIES if layered(row(category).material) in same), "other")
 
 

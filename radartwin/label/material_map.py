@@ -37,19 +37,19 @@ def material_map(scene: Scene) -> Figure:
     drawing = Drawing(scene)
     camera = corner_camera(scene, drawing, PIXELS)
     seen = drawing.seen(camera)
-    shown = drawing.surfaces(seen)
+    surface_index = drawing.surfaces(seen)
     minc = [str(surface.provenance.get("minc") or "none") for surface in scene]
     palette = np.array([matplotlib.colors.to_rgb(COLOURS.get(name, NO_CATEGORY)) for name in minc] + [(1.0, 1.0, 1.0)])
     # Shading by the cosine of the incidence angle makes edges between faces of the same material visible.
     shade = np.ones(seen.face.shape)
     shade[seen.face >= 0] = 0.7 + 0.3 * np.abs(drawing.facing(camera, seen, seen.face >= 0))
-    flat = palette[shown] * shade[..., None]
+    flat = palette[surface_index] * shade[..., None]
     figure, axes = style.figure(1, 2, width_in=style.PAGE_WIDTH_IN, height_in=4.1)
     for axis, picture, title in zip(axes, (drawing.picture(camera, seen), np.clip(flat, 0, 1)), ("scan", "materials"), strict=True):
         axis.imshow(picture, interpolation="nearest")
         axis.set_title(title)
         axis.set_axis_off()
-    visible = {minc[k] for k in np.unique(shown) if k >= 0}
+    visible = {minc[k] for k in np.unique(surface_index) if k >= 0}
     line = {"edgecolor": "#555555", "linewidth": 0.4}
     patches = [
         Patch(facecolor=COLOURS.get(name, NO_CATEGORY), label=f"{name}: {_materials(scene, minc, name)}", **line)
@@ -65,8 +65,8 @@ def _materials(scene: Scene, minc: list[str], category: str) -> str:
     from radartwin.scene.viewer.page import material_label
 
     areas: dict[str, float] = {}
-    for surface, own in zip(scene, minc, strict=True):
-        if own == category:
+    for surface, surface_category in zip(scene, minc, strict=True):
+        if surface_category == category:
             label = material_label(surface.material)
             areas[label] = areas.get(label, 0.0) + float(surface.mesh.area)
     most = max(areas, key=lambda label: areas[label])

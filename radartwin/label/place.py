@@ -127,8 +127,8 @@ def _spread_points(corners: np.ndarray, weight: np.ndarray, count: int) -> np.nd
     u, v = np.mod(0.5 + (index + 1) / plastic, 1), np.mod(0.5 + (index + 1) / plastic**2, 1)
     over = u + v > 1
     u, v = np.where(over, 1 - u, u), np.where(over, 1 - v, v)
-    chosen = corners[np.minimum(face, len(corners) - 1)]
-    return chosen[:, 0] + u[:, None] * (chosen[:, 1] - chosen[:, 0]) + v[:, None] * (chosen[:, 2] - chosen[:, 0])
+    triangles = corners[np.minimum(face, len(corners) - 1)]
+    return triangles[:, 0] + u[:, None] * (triangles[:, 1] - triangles[:, 0]) + v[:, None] * (triangles[:, 2] - triangles[:, 0])
 
 
 def _rounded(values: np.ndarray, digits: int) -> list[float]:

@@ -50,8 +50,8 @@ def export(questions: Sequence[Question], folder: Path) -> Path:
         lines.append(json.dumps(entry))
     example = {"id": "0123456789ab", "material": "wood", "finish": "smooth", "confidence": 0.8, "reason": "...", "name": None}
     examples: list[dict[str, Any]] = [example, {**example, "wall_thickness_mm": 1.5, "contents": "empty"}]
-    shown = "\n".join(f"  {json.dumps(example)}   ({kind})" for example, kind in zip(examples, KINDS, strict=True))
-    write_atomically(folder / "README.txt", _README.format(examples=shown, digest=prompt_digest()))
+    example_lines = "\n".join(f"  {json.dumps(example)}   ({kind})" for example, kind in zip(examples, KINDS, strict=True))
+    write_atomically(folder / "README.txt", _README.format(examples=example_lines, digest=prompt_digest()))
     forms = [f"--- {kind} ---\n" + prompt(kind, "(size, attitude and height of this surface)", ["photo"] * 3) for kind in KINDS]
     write_atomically(folder / "prompt.txt", "\n".join(forms))
     for kind in KINDS:

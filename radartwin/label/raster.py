@@ -163,8 +163,9 @@ class Drawing(Triangles):
         for index in np.unique(self.surface[present[present >= 0]]):
             texture = self._textures.get(int(index))
             if texture is not None:
-                own = (seen.face >= self.first_face[index]) & (seen.face < self.first_face[index + 1])
-                out[own] *= texture.at(seen.face[own] - self.first_face[index], weights[own])  # `out` is white at textured surfaces
+                pixels = (seen.face >= self.first_face[index]) & (seen.face < self.first_face[index + 1])
+                # `out` is white at textured surfaces
+                out[pixels] *= texture.at(seen.face[pixels] - self.first_face[index], weights[pixels])
         return np.clip(np.rint(out), 0, 255).astype(np.uint8)
 
 

@@ -74,11 +74,11 @@ class Server(Endpoint):
         if self.down.is_set():
             return None
         pictures = [f"data:image/jpeg;base64,{base64.b64encode(crop.jpeg).decode()}" for crop in question.crops]
-        shown = [{"type": "image_url", "image_url": {"url": picture}} for picture in pictures]
+        images = [{"type": "image_url", "image_url": {"url": picture}} for picture in pictures]
 
         def complete(conversation: list[Message]) -> str:
             first, *others = conversation
-            messages = [{"role": first["role"], "content": [*shown, {"type": "text", "text": first["content"]}]}, *others]
+            messages = [{"role": first["role"], "content": [*images, {"type": "text", "text": first["content"]}]}, *others]
             try:
                 return self.complete(messages, schema(question.kind), f"answer_about_{question.kind}", client)
             except NoAnswerInTime:  # the requests of the other questions continue

@@ -153,8 +153,9 @@ class Random:
             chance, choice = stream.random(2)
             truth = str(surface.provenance["minc"])
             if chance >= self.p:
-                own = {key: surface.provenance[key] for key in LABEL_KEYS if key in surface.provenance}
-                return Label(surface.material, surface.roughness_m, {**own, "source": self.name, "wrong": False}, surface.correlation_m)
+                labels = {key: surface.provenance[key] for key in LABEL_KEYS if key in surface.provenance}
+                provenance = {**labels, "source": self.name, "wrong": False}
+                return Label(surface.material, surface.roughness_m, provenance, surface.correlation_m)
             others = [category for category in present if category != truth]
             wrong = others[min(int(choice * len(others)), len(others) - 1)]
             entry = row(wrong)
@@ -198,8 +199,8 @@ class Vlm:
 def true_surfaces(scene: Scene, truth: Scene) -> list[Surface | None]:
     """Return for each surface of `scene` the surface of `truth` that most of its area lies on; None for a surface without such a match."""
     places = [place_of(surface.mesh, TRUTH_SPACING_M) for surface in truth]
-    found = matches([place_of(surface.mesh) for surface in scene], places)
-    return [None if match is None else truth.surfaces[match[0]] for match in found]
+    best_matches = matches([place_of(surface.mesh) for surface in scene], places)
+    return [None if match is None else truth.surfaces[match[0]] for match in best_matches]
 
 
 def without_fragments(scene: Scene, truth: Scene) -> Scene:
@@ -241,10 +242,10 @@ class _PluggedIn:
 
     def __call__(self, scene: Scene) -> Scene:
         with plugins.calling(self.plugin, "the call"):
-            found = self.inner(scene)
-        if not isinstance(found, Scene):
+            labelled_scene = self.inner(scene)
+        if not isinstance(labelled_scene, Scene):
             raise plugins.refusal(self.plugin, "the call returned something else than a radartwin.Scene")
-        return found
+        return labelled_scene
 
 
 def plugged_in(plugin: plugins.Plugin) -> type:

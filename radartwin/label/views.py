@@ -80,23 +80,23 @@ class Views:
         read = functools.lru_cache(maxsize=16)(Photo.pixels)  # the pixels of one photograph occupy about 8 MB
         out = {}
         for index in indices:
-            crops = (self._crop(index, view, read, wide) for view, wide in self._chosen(in_photos[index] or self._around(index)))
+            crops = (self._crop(index, view, read, wide) for view, wide in self._selected(in_photos[index] or self._around(index)))
             out[index] = [crop for crop in crops if crop is not None]
             step()
         return out
 
-    def _chosen(self, views: list[_View]) -> list[tuple[_View, bool]]:
+    def _selected(self, views: list[_View]) -> list[tuple[_View, bool]]:
         """Select the views of one surface that become crops, each with a flag that is True for the crop with the wide margin.
 
         The last selected view has a wide margin around the surface. If too few views are available, the best view is used a second time, as
         the last view.
         """
-        chosen = _spread(views, self.count)
-        if self.count == 1 or not chosen:
-            return [(view, False) for view in chosen]
-        if len(chosen) < self.count:
-            chosen = [*chosen, chosen[0]]
-        return [(view, k == len(chosen) - 1) for k, view in enumerate(chosen)]
+        selected = _spread(views, self.count)
+        if self.count == 1 or not selected:
+            return [(view, False) for view in selected]
+        if len(selected) < self.count:
+            selected = [*selected, selected[0]]
+        return [(view, k == len(selected) - 1) for k, view in enumerate(selected)]
 
     def _in_photos(self, indices: Sequence[int]) -> dict[int, list[_View]]:
         """Return for each surface the photographs that show it, with a score computed at a picture width of SMALL_PIXELS."""
@@ -204,20 +204,20 @@ def _directions(normal: np.ndarray | None, steep: bool) -> np.ndarray:
     first = np.cross(axis, [1.0, 0, 0] if abs(axis[0]) < 0.9 else [0, 1.0, 0])
     first /= np.linalg.norm(first)
     second = np.cross(axis, first)
-    turn = 2 * np.pi * (np.arange(count) + 0.5) / count
-    around = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * second
+    azimuth = 2 * np.pi * (np.arange(count) + 0.5) / count
+    around = np.cos(azimuth)[:, None] * first + np.sin(azimuth)[:, None] * second
     return np.concatenate([np.cos(t) * axis + np.sin(t) * around for t in tilt])
 
 
 def _spread(views: list[_View], count: int) -> list[_View]:
     """Return the `count` views with the best scores whose directions differ from each other by at least MIN_ANGLE_DEG."""
-    chosen: list[_View] = []
+    selected: list[_View] = []
     for view in sorted(views, key=lambda v: -v.score):
-        if len(chosen) == count:
+        if len(selected) == count:
             break
-        if all(view.direction @ other.direction < np.cos(np.radians(MIN_ANGLE_DEG)) for other in chosen):
-            chosen.append(view)
-    return chosen
+        if all(view.direction @ other.direction < np.cos(np.radians(MIN_ANGLE_DEG)) for other in selected):
+            selected.append(view)
+    return selected
 
 
 def _scaled(camera: Camera) -> Camera:

@@ -139,10 +139,10 @@ class Controls:
             "strongest path"
         )
 
-    def show_paths(self, paths: Sequence[LivePath], chosen: int | None, card: str) -> None:
+    def show_paths(self, paths: Sequence[LivePath], path_number: int | None, card: str) -> None:
         self._options = [f"{k + 1}: {p.level_db:.1f} dB, {p.range_m:.2f} m, {p.owner or 'room'}" for k, p in enumerate(paths)]
         self._path.options = (NO_PATH, *self._options)
-        self._path.value = NO_PATH if chosen is None else self._options[chosen]
+        self._path.value = NO_PATH if path_number is None else self._options[path_number]
         self._card.content = _html(f"<table>{card}</table>" if card else "click a path in the room, or choose one here")
 
     def show_pose(self, pose: np.ndarray) -> None:
@@ -192,21 +192,21 @@ class Controls:
             self._which = self._gui.add_dropdown("map", ("simulated", "measured"))
         self._frame.on_update(lambda _: self._actions.show_frame(self.frame))
         self._which.on_update(lambda _: self._actions.draw())
-        self._turn = object()  # identifies the newest start or stop of the playback
+        self._playback_token = object()  # identifies the newest start or stop of the playback
         self._plays.on_update(lambda _: self._play(playback))
 
     def _play(self, playback: Playback) -> None:
         """Advance the frame at the frame rate until the last frame, or until the user stops."""
-        turn = self._turn = object()
+        token = self._playback_token = object()
         if self._plays.value:
-            threading.Thread(target=self._advance, args=(playback, turn), name="playback", daemon=True).start()
+            threading.Thread(target=self._advance, args=(playback, token), name="playback", daemon=True).start()
 
-    def _advance(self, playback: Playback, turn: object) -> None:
-        while self._turn is turn and self.frame < playback.frames - 1:
+    def _advance(self, playback: Playback, token: object) -> None:
+        while self._playback_token is token and self.frame < playback.frames - 1:
             started = time.monotonic()
             self._frame.value = self.frame + 1  # viser then calls the function of the slider
             time.sleep(max(0.0, 1 / playback.recording.radar.frame_rate_hz - (time.monotonic() - started)))
-        if self._turn is turn:
+        if self._playback_token is token:
             self._plays.value = False
 
 

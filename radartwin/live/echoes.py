@@ -86,11 +86,11 @@ def strongest_paths(traced: Traced, radar: Radar, sensor_pose: np.ndarray) -> li
     Paths of the room are listed separately, but a path and its reverse, which have equal lengths, levels and corners, are listed once. The
     paths of an object with equal bounces and nearly equal ranges are summed.
     """
-    found = [path for part in traced.static for path in _room_paths(part, radar, sensor_pose)]
+    paths = [path for part in traced.static for path in _room_paths(part, radar, sensor_pose)]
     for names, parts in traced.groups.items():
-        found += [path for part in parts for path in _object_paths(part, radar, sensor_pose, names[0])]
-    found.sort(key=lambda path: -path.level_db)
-    return found[:SHOWN_PATHS]
+        paths += [path for part in parts for path in _object_paths(part, radar, sensor_pose, names[0])]
+    paths.sort(key=lambda path: -path.level_db)
+    return paths[:SHOWN_PATHS]
 
 
 def surfaces_at(path: LivePath, scene: Scene) -> list[str]:
@@ -144,11 +144,11 @@ def _object_paths(part: Paths, radar: Radar, pose: np.ndarray, name: str) -> lis
     bins = np.round(part.length_m / (4 * radar.range_resolution_m))
     out = []
     for bounces, near in np.unique(np.column_stack([part.bounces, bins]), axis=0):
-        some = np.flatnonzero((part.bounces == bounces) & (bins == near))
-        n = some[np.argmax(levels[some])]
+        tubes = np.flatnonzero((part.bounces == bounces) & (bins == near))
+        n = tubes[np.argmax(levels[tubes])]
         points, partial = _corners(part, n, pose)
         out.append(
-            LivePath(_db(float(np.abs(field[some].sum()))), float(part.length_m[n]), int(bounces), _closed(points, pose), name, partial)
+            LivePath(_db(float(np.abs(field[tubes].sum()))), float(part.length_m[n]), int(bounces), _closed(points, pose), name, partial)
         )
     return out
 

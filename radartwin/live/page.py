@@ -47,7 +47,7 @@ class Page:
         room, movables = split(scene)
         self._rooms, self._start, self._movables = Rooms(room), start, {m.name: m for m in movables}
         self._answer: LiveAnswer | None = None
-        self._chosen: int | None = None
+        self._path_number: int | None = None
         self._count = 0
         self._lock = threading.RLock()
         self._stage = Stage(server, self._changed, self._clicked)
@@ -111,8 +111,8 @@ class Page:
     def place_radar(self, position: np.ndarray, heading_deg: float) -> None:
         """Move the radar to a position (3,) in metres, level, with its boresight at `heading_deg` from +x to the left."""
         angle = np.radians(heading_deg)
-        turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
-        self.move_radar(pose(position, turn))
+        rotation = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+        self.move_radar(pose(position, rotation))
 
     def move_radar(self, radar_pose: np.ndarray) -> None:
         """Move the radar to a sensor-to-world pose (4, 4), as a drag does."""
@@ -133,8 +133,8 @@ class Page:
         with self._lock:
             before, self._answer = self._answer, answer
             self._count += before is None or answer.setting is not before.setting
-            if before and self._chosen is not None:
-                self._chosen = _same_path(before.paths[self._chosen], answer.paths)
+            if before and self._path_number is not None:
+                self._path_number = _same_path(before.paths[self._path_number], answer.paths)
             self._draw()
 
     def fail(self, message: str) -> None:
@@ -150,14 +150,14 @@ class Page:
         self.ask()
 
     def _clicked(self, number: int) -> None:
-        self.choose(None if self._chosen == number else number)
+        self.choose(None if self._path_number == number else number)
 
     def choose(self, number: int | None) -> None:
         """Choose a path, or none. A late click, on a path that is not in the present answer, has no effect."""
         with self._lock:
             count = len(self._answer.paths) if self._answer else 0
-            if number != self._chosen and (number is None or number < count):
-                self._chosen = number
+            if number != self._path_number and (number is None or number < count):
+                self._path_number = number
                 self._draw()
 
     def _draw(self) -> None:
@@ -165,7 +165,7 @@ class Page:
         if answer is None:
             return
         paths = answer.paths[: self.controls.paths]
-        chosen = self._chosen if self._chosen is not None and self._chosen < len(paths) else None
+        path_number = self._path_number if self._path_number is not None and self._path_number < len(paths) else None
         spectra, measured, caption = answer.spectra, None, ""
         if self._playback is not None:
             frame = self.controls.frame
@@ -181,15 +181,15 @@ class Page:
             self.controls.show_profile(answer.spectra.range_m[seen], profile, None if measured is None else measured[seen], top)
             self.controls.show_map(spectra)
             self.controls.caption(caption)
-            self._stage.show_paths(paths, chosen)
-            self.controls.show_paths(paths, chosen, self._card(paths, chosen, answer))
+            self._stage.show_paths(paths, path_number)
+            self.controls.show_paths(paths, path_number, self._card(paths, path_number, answer))
             self.controls.show_status(answer, self._count)
         self._server.flush()
 
-    def _card(self, paths: list[LivePath], chosen: int | None, answer: LiveAnswer) -> str:
-        if chosen is None:
+    def _card(self, paths: list[LivePath], path_number: int | None, answer: LiveAnswer) -> str:
+        if path_number is None:
             return ""
-        path = paths[chosen]
+        path = paths[path_number]
         surfaces = surfaces_at(path, self._tracer.scene(answer.setting))
         unknown = ", …" if path.partial else ""
         rows = {

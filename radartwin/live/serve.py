@@ -123,12 +123,12 @@ def _only_own_pages(port: int) -> Iterator[list[int]]:
     import websockets.asyncio.server as module
 
     before = module.serve
-    own = [f"http://{HOST}:{port}", f"http://localhost:{port}", None]  # None: a program that is not a browser
+    origins = [f"http://{HOST}:{port}", f"http://localhost:{port}", None]  # None: a program that is not a browser
     checked: list[int] = []
 
     def serve_own(*arguments: Any, **options: Any) -> Any:
         checked.append(port)
-        return before(*arguments, **options, origins=own)
+        return before(*arguments, **options, origins=origins)
 
     module.serve = serve_own  # type: ignore[assignment, misc]
     try:

@@ -43,7 +43,7 @@ class Session:
         self._wanted: LiveSetting | None = None  # newest setting
         self._pending = False  # whether the newest setting has not been answered
         self._searching: LiveSetting | None = None  # setting of the search that runs
-        self._found: list[tuple[LiveSetting, Searched | None, Sequences]] = []  # results of searches that no answer has used
+        self._results: list[tuple[LiveSetting, Searched | None, Sequences]] = []  # results of searches that no answer has used
         self._draft = False  # whether the last answer was a draft
         self._open = False  # whether to complete the last answer when its setting has not changed for RESTS_S
         self._ended = False
@@ -85,17 +85,17 @@ class Session:
     def _step(self) -> None:
         timeout = RESTS_S if self._open else None
         with self._changed:
-            self._changed.wait_for(lambda: self._pending or self._found or self._ended, timeout)
-            setting, found, pending = self._wanted, self._found, self._pending
-            self._found, self._pending = [], False
+            self._changed.wait_for(lambda: self._pending or self._results or self._ended, timeout)
+            setting, results, pending = self._wanted, self._results, self._pending
+            self._results, self._pending = [], False
         if self._ended or setting is None:
             return
-        for place, searched, strong in found:
+        for place, searched, strong in results:
             self._tracer.learn(place, searched, strong)
             pending = pending or place is setting
         if pending:
             self._draft = self._open = self._answer(setting)
-        elif found:  # a search for another setting object, which may have the same values as the newest one
+        elif results:  # a search for another setting object, which may have the same values as the newest one
             self._open = self._draft
         else:
             self._open = self._complete(setting)
@@ -131,12 +131,12 @@ class Session:
         if self._ended or setting is None:
             return
         self._learned(setting, None, self._tracer.sketch(setting))
-        found = self._tracer.search(setting)
+        result = self._tracer.search(setting)
         with self._changed:
             self._searching = None
-            self._learned(setting, *found)
+            self._learned(setting, *result)
 
     def _learned(self, setting: LiveSetting, searched: Searched | None, strong: Sequences) -> None:
         with self._changed:
-            self._found.append((setting, searched, strong))
+            self._results.append((setting, searched, strong))
             self._changed.notify_all()

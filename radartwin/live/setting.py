@@ -76,9 +76,9 @@ def free_name(name: str, taken: Sequence[str]) -> str:
     'mug 3'
     """
     number = 1
-    while (found := name if number == 1 else f"{name} {number}") in taken:
+    while (candidate := name if number == 1 else f"{name} {number}") in taken:
         number += 1
-    return found
+    return candidate
 
 
 def _movable(name: str, surfaces: Sequence[Surface]) -> Movable:

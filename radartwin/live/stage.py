@@ -103,13 +103,13 @@ class Stage:
         gizmo = self._gizmos[name]
         gizmo.wxyz, gizmo.position = quaternion(pose[:3, :3]), pose[:3, 3]
 
-    def show_paths(self, paths: Sequence[LivePath], chosen: int | None) -> None:
+    def show_paths(self, paths: Sequence[LivePath], path_number: int | None) -> None:
         """Draw the paths coloured by level; the chosen one is red and thicker."""
         low, high = span_db([path.level_db for path in paths], PATHS_DYNAMIC_DB)
         colours = level_colours(np.array([path.level_db for path in paths]), low, high)
         scene = self._server.scene
         for index, path in enumerate(paths):
-            here = index == chosen
+            here = index == path_number
             vertices, faces = tube(path.points, TUBE_M * (2.2 if here else 1))
             colour = CHOSEN_RGB if here else tuple(int(c) for c in colours[index])
             if index < len(self._paths):
@@ -161,8 +161,8 @@ def tube(points: np.ndarray, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
     vertices, faces = [], []
     angle = 2 * np.pi * np.arange(SIDES) / SIDES
     ring = np.arange(SIDES)
-    one = np.stack([ring, (ring + 1) % SIDES, ring + SIDES], axis=1)
-    two = np.stack([(ring + 1) % SIDES, (ring + 1) % SIDES + SIDES, ring + SIDES], axis=1)
+    lower = np.stack([ring, (ring + 1) % SIDES, ring + SIDES], axis=1)
+    upper = np.stack([(ring + 1) % SIDES, (ring + 1) % SIDES + SIDES, ring + SIDES], axis=1)
     for start, end in pairwise(points):
         way = end - start
         length = float(np.linalg.norm(way))
@@ -170,7 +170,7 @@ def tube(points: np.ndarray, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
             continue
         across = np.linalg.svd(way[None] / length)[2][1:]
         circle = radius_m * (np.cos(angle)[:, None] * across[0] + np.sin(angle)[:, None] * across[1])
-        faces.append(np.concatenate([one, two]) + 2 * SIDES * len(vertices))
+        faces.append(np.concatenate([lower, upper]) + 2 * SIDES * len(vertices))
         vertices.append(np.concatenate([start + circle, end + circle]))
     return np.concatenate(vertices).astype(np.float32), np.concatenate(faces).astype(np.uint32)
 

@@ -84,5 +84,5 @@ def diffuse_distance_db(first_m: float, second_m: float) -> float:
     0.0
     """
     wavenumber = 2 * np.pi * float(SWEEP_HZ.mean()) / SPEED_OF_LIGHT
-    one, two = (-np.expm1(-((2 * wavenumber * max(height, SMOOTHEST_M)) ** 2)) for height in (first_m, second_m))
-    return float(abs(10 * np.log10(one / two)))
+    first_share, second_share = (-np.expm1(-((2 * wavenumber * max(height, SMOOTHEST_M)) ** 2)) for height in (first_m, second_m))
+    return float(abs(10 * np.log10(first_share / second_share)))

@@ -120,16 +120,16 @@ def mentioned(words: str) -> Resolved | None:
     ('ceiling_board', 'metal', None)
     """
     plain = re.sub(r"[^a-z]+", " ", words.lower()).split()
-    found: list[tuple[bool, int, int, Resolved]] = []
+    candidates: list[tuple[bool, int, int, Resolved]] = []
     for start in range(len(plain)):
         for stop in range(start + 1, len(plain) + 1):
             phrase = "_".join(plain[start:stop])
             for spelling in (phrase, phrase.removesuffix("s")):
                 if _is_known(spelling):
                     known = resolve(spelling)
-                    found.append((known.category is None, stop - start, start, known))
+                    candidates.append((known.category is None, stop - start, start, known))
                     break
-    return max(found, key=lambda entry: entry[:3])[3] if found else None
+    return max(candidates, key=lambda entry: entry[:3])[3] if candidates else None
 
 
 def _is_known(name: str) -> bool:

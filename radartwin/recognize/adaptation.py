@@ -67,8 +67,8 @@ def weighted_statistics(
         shares = class_shares(probabilities(_adapted(simulated, rows, (shares / counts)[kind])), shrinkage)
         if np.abs(shares - before).max() < CONVERGED:
             break
-    found = dict(zip(map(str, classes), shares.tolist(), strict=True))
-    return Adapted(_adapted(simulated, measured, (shares / counts)[kind]), found)
+    shares_by_class = dict(zip(map(str, classes), shares.tolist(), strict=True))
+    return Adapted(_adapted(simulated, measured, (shares / counts)[kind]), shares_by_class)
 
 
 def class_shares(probabilities: NDArray, shrinkage: float = SHRINKAGE) -> NDArray[np.float64]:
@@ -120,6 +120,6 @@ def _adapted(simulated: Samples, measured: Rows, weights: NDArray) -> Rows:
         raise InputError("adaptation: both domains need rows of the same features; compute both with one feature set")
     centre = weights @ simulated.values
     spread = np.sqrt(weights @ (simulated.values - centre) ** 2)
-    own = measured.values.std(axis=0)
-    scaled = (measured.values - measured.values.mean(axis=0)) / np.where(own > 0, own, np.inf)
+    measured_spread = measured.values.std(axis=0)
+    scaled = (measured.values - measured.values.mean(axis=0)) / np.where(measured_spread > 0, measured_spread, np.inf)
     return measured.with_values(centre + spread * scaled)

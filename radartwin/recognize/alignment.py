@@ -105,8 +105,8 @@ def _term(rows: Unlabelled, noise: NDArray, texts: NDArray, temperature: float, 
         if alignment.term == "views":
             return alignment.weight * pair_loss(forward(view(rng, values)), forward(view(rng, values)), temperature)
         with torch.no_grad():
-            own = (forward(torch.from_numpy(values.astype(np.float32))) @ anchors.T / temperature).softmax(dim=1)
-            share, nearest = own.max(dim=1)
+            probabilities = (forward(torch.from_numpy(values.astype(np.float32))) @ anchors.T / temperature).softmax(dim=1)
+            share, nearest = probabilities.max(dim=1)
         loss = cross_entropy(forward(view(rng, values)) @ anchors.T / temperature, nearest, reduction="none")
         return alignment.weight * (share * loss).mean()
 

@@ -30,10 +30,10 @@ def added_noise(simulated: NDArray, measured: NDArray, measured_noise: float) ->
     Raises:
         InputError: the median target energy of the simulated or of the measured recordings is not above zero.
     """
-    ours, theirs = float(np.median(simulated)), float(np.median(measured))
-    if not (ours > 0 and theirs > 0 and measured_noise >= 0):
+    simulated_energy, measured_energy = float(np.median(simulated)), float(np.median(measured))
+    if not (simulated_energy > 0 and measured_energy > 0 and measured_noise >= 0):
         raise InputError("noise copies: the targets have no energy above the noise; check that the logged distances match the recordings")
-    return ours / theirs * measured_noise
+    return simulated_energy / measured_energy * measured_noise
 
 
 def noisy(processed: Processed, noise_power: float, rng: np.random.Generator) -> Processed:

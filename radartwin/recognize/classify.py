@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radartwin.errors import InputError
-from radartwin.features import sets, track
+from radartwin.features import families, track
 from radartwin.features.log import Nominal
 from radartwin.features.processed import Processed, process
 from radartwin.features.profile import FAR_M, NEAR_M
@@ -66,7 +66,7 @@ def classify(
     processed, log = thinned(processed, log, recogniser)
     name, without = str(recogniser.features.get("set", "")), tuple(map(str, recogniser.features.get("without", ())))
     try:
-        names, values = sets.vector(processed, log, name, without)
+        names, values = families.vector(processed, log, name, without)
     except InputError as error:
         raise InputError(f"{recording}: {error}") from error
     if tuple(names) != recogniser.names:
@@ -120,10 +120,10 @@ def thinned(processed: Processed, log: Nominal, recogniser: Recogniser) -> tuple
         )
     if recorded <= frames:
         return processed, log
-    chosen = np.round(np.arange(int(processed.num_frames * frames / recorded + 1e-6)) * recorded / frames).astype(int)
-    chosen = chosen[chosen < processed.num_frames]
+    indices = np.round(np.arange(int(processed.num_frames * frames / recorded + 1e-6)) * recorded / frames).astype(int)
+    indices = indices[indices < processed.num_frames]
     rate = log.frame_rate_hz * frames / recorded
-    return processed.frames(chosen), Nominal(rate, log.distance_m[chosen], 2 * np.pi * np.arange(len(chosen)) / frames)
+    return processed.frames(indices), Nominal(rate, log.distance_m[indices], 2 * np.pi * np.arange(len(indices)) / frames)
 
 
 def changing_range(processed: Processed) -> float:

@@ -27,5 +27,5 @@ def pair_loss(first, second, temperature: float):
     from torch.nn.functional import cross_entropy
 
     logits = first @ second.T / temperature
-    own = torch.arange(len(logits))
-    return (cross_entropy(logits, own) + cross_entropy(logits.T, own)) / 2
+    partner = torch.arange(len(logits))
+    return (cross_entropy(logits, partner) + cross_entropy(logits.T, partner)) / 2

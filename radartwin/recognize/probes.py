@@ -44,11 +44,11 @@ def leave_one_out_centroid(rows: Samples, groups: NDArray | None = None, stratif
         sums, counts = _sums(rows.values[here], kind[here], len(classes))
         for group in np.unique(groups[here]):
             out = here[groups[here] == group]
-            own, own_counts = _sums(rows.values[out], kind[out], len(classes))
-            left = counts - own_counts
+            out_sums, out_counts = _sums(rows.values[out], kind[out], len(classes))
+            left = counts - out_counts
             if (left > 0).sum() < 2:
                 raise InputError(f"leave-one-out: without {group} fewer than two classes remain; record more objects")
-            centroids = (sums - own) / np.maximum(left, 1)[:, None]
+            centroids = (sums - out_sums) / np.maximum(left, 1)[:, None]
             away = ((rows.values[out][:, None] - centroids) ** 2).sum(axis=2)
             answer[out] = classes[np.where(left > 0, away, np.inf).argmin(axis=1)]
     return answer

@@ -30,8 +30,8 @@ class Classifier:
         for request in model_input.to_dict("records"):
             distance_m, period_s = (float(request[name]) if name in request else None for name in ("distance_m", "period_s"))
             answer = classify(str(request[RECORDING]), self.recogniser, distance_m=distance_m, period_s=period_s)
-            found = dict(zip(answer.classes, answer.probabilities.tolist(), strict=True))
-            rows.append({"label": answer.classes[0], **{name: found[name] for name in self.recogniser.classes}})
+            probabilities = dict(zip(answer.classes, answer.probabilities.tolist(), strict=True))
+            rows.append({"label": answer.classes[0], **{name: probabilities[name] for name in self.recogniser.classes}})
         return pd.DataFrame(rows)
 
 

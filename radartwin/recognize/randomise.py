@@ -77,7 +77,7 @@ class Randomisation:
         return any((self.wobble, self.eccentricity, self.start, self.speed, self.distance, self.wall, self.mesh))
 
 
-OFF = Randomisation(**{one.name: 0.0 for one in fields(Randomisation)})
+OFF = Randomisation(**{quantity.name: 0.0 for quantity in fields(Randomisation)})
 
 
 def poses(nominal: NDArray[np.float64], strengths: Randomisation, seed: int | Sequence[int]) -> NDArray[np.float64]:
@@ -142,12 +142,12 @@ def copies(
             echoes, all copies have the nominal target.
         noise_power: noise power per range bin, around which the noise of the copies is drawn.
     """
-    targets = [exchanged(processed, echoes[0], one) for one in echoes[1:]] or [processed]
+    targets = [exchanged(processed, echoes[0], echo) for echo in echoes[1:]] or [processed]
     for variant, drawn in enumerate(targets):
         for number in range(variant, count, len(targets)):
-            own = [*seed, number]
-            power = noise_power * noise_factor(strengths, own)
-            yield received(noisy(drawn, power, np.random.default_rng(own)), strengths, own)
+            copy_seed = [*seed, number]
+            power = noise_power * noise_factor(strengths, copy_seed)
+            yield received(noisy(drawn, power, np.random.default_rng(copy_seed)), strengths, copy_seed)
 
 
 def echoes_alone(
@@ -156,7 +156,7 @@ def echoes_alone(
 ) -> NDArray[np.complex64]:  # fmt: skip
     """Return the channels (1 + count, F, A, B) of the nominal target alone in free space, then of `count` drawn targets; see `alone`."""
     drawn = [(OFF, seed), *((strengths, [*seed, number]) for number in range(count))]
-    return np.stack([alone(surfaces, radar, sensor_poses, nominal, *one, **options) for one in drawn])
+    return np.stack([alone(surfaces, radar, sensor_poses, nominal, *draw, **options) for draw in drawn])
 
 
 def alone(
@@ -217,7 +217,7 @@ def noise_factor(strengths: Randomisation, seed: int | Sequence[int]) -> float:
 
 def _with_channels(processed: Processed, channels: NDArray[np.complex64], noise_gain: NDArray | float = 1.0) -> Processed:
     """Return a recording with other channels (F, A, B). The power of channels outside the azimuth row changes in the same ratio."""
-    before, after = (np.mean(np.abs(some) ** 2, axis=1) for some in (processed.channels, channels))
+    before, after = (np.mean(np.abs(signals) ** 2, axis=1) for signals in (processed.channels, channels))
     power = (processed.power * (after / np.maximum(before, np.finfo(np.float32).tiny))).astype(np.float32)
     noise = None if processed.noise is None else (processed.noise * noise_gain).astype(np.float32)
     return replace(processed, channels=channels, power=power, doppler=None, noise=noise)

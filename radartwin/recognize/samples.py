@@ -61,8 +61,8 @@ class Unlabelled:
 
     def take(self, rows: ArrayLike):
         """Return the rows that a mask or an array of indices selects."""
-        chosen = np.asarray(rows)
-        return replace(self, values=self.values[chosen], **{name: getattr(self, name)[chosen] for name in self._columns()})
+        selection = np.asarray(rows)
+        return replace(self, values=self.values[selection], **{name: getattr(self, name)[selection] for name in self._columns()})
 
     def with_values(self, values: NDArray, names: Sequence[str] | None = None):
         """Return the same rows with other feature values and, if `names` is given, other feature names."""
@@ -136,9 +136,9 @@ def gather(names: Sequence[str], parts: Sequence[Part]) -> Samples:
     if not parts:
         raise InputError("samples: there are no recordings; give at least one")
     ordered = sorted(parts, key=lambda part: part.recording)
-    for one, two in itertools.pairwise(ordered):
-        if one.recording == two.recording:
-            raise InputError(f"samples: two recordings are named {one.recording}; give each its own name")
+    for first, second in itertools.pairwise(ordered):
+        if first.recording == second.recording:
+            raise InputError(f"samples: two recordings are named {first.recording}; give each its own name")
     rows = [np.atleast_2d(np.asarray(part.values, dtype=np.float64)) for part in ordered]
     if wrong := [part.recording for part, row in zip(ordered, rows, strict=True) if row.shape[1] != len(names)]:
         raise InputError(f"samples: recording {wrong[0]} does not have the {len(names)} features {', '.join(names[:3])} ...")
@@ -154,8 +154,8 @@ def gather(names: Sequence[str], parts: Sequence[Part]) -> Samples:
 
 def join(*samples: Samples) -> Samples:
     """Join several tables of feature rows, sorted by recording. Raise InputError if the tables have different features."""
-    if len({one.names for one in samples}) != 1:
+    if len({table.names for table in samples}) != 1:
         raise InputError("samples: sets with different features cannot be joined; compute all with one feature set")
-    columns = {name: np.concatenate([getattr(one, name) for one in samples]) for name in samples[0]._columns()}
-    together = Samples(samples[0].names, np.concatenate([one.values for one in samples]), **columns)
+    columns = {name: np.concatenate([getattr(table, name) for table in samples]) for name in samples[0]._columns()}
+    together = Samples(samples[0].names, np.concatenate([table.values for table in samples]), **columns)
     return together.take(np.argsort(together.recording, kind="stable"))

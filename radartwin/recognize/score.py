@@ -46,7 +46,7 @@ def seed_mean(
     kinds = np.zeros(scored.sum(), dtype=int) if classes is None else np.unique(classes[scored], return_inverse=True)[1]
     rng = np.random.default_rng([seed, 0xB0])
     parts = [_group_means(per_recording[kinds == kind], groups[scored][kinds == kind], resamples, rng) for kind in range(kinds.max() + 1)]
-    return float(np.mean([one for one, _ in parts])), np.mean([many for _, many in parts], axis=0)
+    return float(np.mean([mean for mean, _ in parts])), np.mean([means for _, means in parts], axis=0)
 
 
 def _group_means(values: NDArray, groups: NDArray, resamples: int, rng: np.random.Generator) -> tuple[float, NDArray[np.float64]]:

@@ -116,27 +116,27 @@ def draw_shots(measured: Samples, shots: int, seed: int) -> tuple[Samples, Sampl
         InputError: half of a class's sources hold fewer recordings than `shots`.
     """
     rng = np.random.default_rng([seed, 0x5B])
-    chosen: list[str] = []
+    drawn: list[str] = []
     scored: list[str] = []
     for label in measured.classes:
-        own = measured.take(measured.label == label)
-        sources = rng.permutation(np.unique(own.source))
-        pool = np.unique(own.recording[np.isin(own.source, sources[: len(sources) // 2])])
+        class_rows = measured.take(measured.label == label)
+        sources = rng.permutation(np.unique(class_rows.source))
+        pool = np.unique(class_rows.recording[np.isin(class_rows.source, sources[: len(sources) // 2])])
         if len(pool) < max(shots, 1):
             raise InputError(
                 f"half of the stored recordings of {label} give {len(pool)} training recordings; lower supervision.shots from {shots}"
             )
-        chosen.extend(rng.permutation(pool)[:shots])
+        drawn.extend(rng.permutation(pool)[:shots])
         scored.extend(sources[len(sources) // 2 :])
-    return measured.take(np.isin(measured.recording, chosen)), measured.take(np.isin(measured.source, scored))
+    return measured.take(np.isin(measured.recording, drawn)), measured.take(np.isin(measured.source, scored))
 
 
 def most_shots(measured: Samples) -> int:
     """Return the largest number of training recordings per class that `draw_shots` can draw with every seed."""
     fewest = []
     for label in measured.classes:
-        own = measured.take(measured.label == label)
-        counts = sorted(np.unique(own.recording[own.source == source]).size for source in np.unique(own.source))
+        class_rows = measured.take(measured.label == label)
+        counts = sorted(np.unique(class_rows.recording[class_rows.source == source]).size for source in np.unique(class_rows.source))
         fewest.append(sum(counts[: len(counts) // 2]))
     return min(fewest)
 

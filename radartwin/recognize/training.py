@@ -137,7 +137,7 @@ def _paired_term(rows: Samples, x: Any, settings: Settings) -> Term | None:
     cases = _cases(rows)
 
     def term(rng: np.random.Generator, forward: Callable[[Any], Any]) -> Any:
-        pairs = np.array([[rng.choice(ours), rng.choice(theirs)] for ours, theirs in cases])
+        pairs = np.array([[rng.choice(simulated), rng.choice(measured)] for simulated, measured in cases])
         return settings.paired * pair_loss(forward(x[pairs[:, 0]]), forward(x[pairs[:, 1]]), settings.temperature)
 
     return term if cases else None
@@ -145,13 +145,13 @@ def _paired_term(rows: Samples, x: Any, settings: Settings) -> Term | None:
 
 def _cases(rows: Samples) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
     """Return arrays (simulated, measured) of row indices for each object and stratum that has both simulated and measured rows."""
-    found = []
+    cases = []
     for label, stratum in sorted(set(zip(rows.label, rows.stratum, strict=True))):
         here = (rows.label == label) & (rows.stratum == stratum)
-        ours, theirs = (np.flatnonzero(here & (rows.domain == domain)) for domain in (SIMULATED, MEASURED))
-        if len(ours) and len(theirs):
-            found.append((ours, theirs))
-    return found
+        simulated, measured = (np.flatnonzero(here & (rows.domain == domain)) for domain in (SIMULATED, MEASURED))
+        if len(simulated) and len(measured):
+            cases.append((simulated, measured))
+    return cases
 
 
 @contextlib.contextmanager

@@ -72,14 +72,14 @@ def datasets(inputs: Mapping[str, Sequence[str]]) -> list[DatasetInput]:
     """Return one MLflow dataset per kind of input data. Its digest is the key of the stored data, or a digest of several such keys."""
     from mlflow.entities import Dataset, DatasetInput
 
-    found = []
+    dataset_inputs = []
     for kind, keys in sorted(inputs.items()):
         unique = sorted(set(keys))
         digest = unique[0] if len(unique) == 1 else hashlib.sha256(" ".join(unique).encode()).hexdigest()
         source = json.dumps({"uri": f"cache/{kind}"})
         profile = json.dumps({"products": len(unique)})
-        found.append(DatasetInput(Dataset(kind, digest[:DIGEST_LENGTH], "local", source, profile=profile)))
-    return found
+        dataset_inputs.append(DatasetInput(Dataset(kind, digest[:DIGEST_LENGTH], "local", source, profile=profile)))
+    return dataset_inputs
 
 
 @contextlib.contextmanager

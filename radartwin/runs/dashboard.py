@@ -49,8 +49,8 @@ def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> 
     # By default MLflow starts seven more processes for language-model jobs, which RadarTwin does not use. Its 40 threads share 15
     # connections to the database, and a request that gets no connection for 30 s fails. RadarTwin therefore gives the server one connection
     # per thread.
-    ours = {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false", "MLFLOW_SQLALCHEMYSTORE_POOL_SIZE": str(THREADS)}
-    environment = {**ours, **os.environ}
+    defaults = {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false", "MLFLOW_SQLALCHEMYSTORE_POOL_SIZE": str(THREADS)}
+    environment = {**defaults, **os.environ}
     with contextlib.suppress(KeyboardInterrupt):
         # The server gets a session of its own, so it does not receive Ctrl-C. This process ends the server and the server's children.
         server = subprocess.Popen(command, env=environment, start_new_session=True)

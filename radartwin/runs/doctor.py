@@ -93,13 +93,13 @@ def _python() -> Finding:
 
 
 def _libraries() -> Iterator[Finding]:
-    found, absent = [], []
+    installed, absent = [], []
     for name in LIBRARIES:
         try:
-            found.append(f"{name} {importlib.metadata.version(name)}")
+            installed.append(f"{name} {importlib.metadata.version(name)}")
         except importlib.metadata.PackageNotFoundError:
             absent.append(name)
-    yield Finding("libraries", "ok", ", ".join(found))
+    yield Finding("libraries", "ok", ", ".join(installed))
     if absent:
         yield Finding("libraries", "missing", ", ".join(absent), f"pip install {' '.join(absent)} -c constraints.txt")
 

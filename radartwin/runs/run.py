@@ -86,11 +86,11 @@ def _calling(experiment: ExperimentConfig, what: str) -> contextlib.AbstractCont
 
 def _keys_by_kind(store: Store, keys: Sequence[str]) -> dict[str, list[str]]:
     """Group keys of stored data by the kind of data. A key that the store does not hold belongs to a recording set of the user."""
-    found: dict[str, list[str]] = {}
+    by_kind: dict[str, list[str]] = {}
     for key in keys:
         place = next(store.root.glob(f"*/{key}"), None)
-        found.setdefault(place.parent.name if place else "recordings", []).append(key)
-    return found
+        by_kind.setdefault(place.parent.name if place else "recordings", []).append(key)
+    return by_kind
 
 
 def finished(config: Config) -> bool:
@@ -109,8 +109,8 @@ def _identity(config: Config) -> tuple[dict[str, Any], list[str]]:
     """
     identity = getattr(load(config.experiment), "identity", dict)
     with _calling(config.experiment, "identity"):
-        own = identity()
-    return {"config": semantic(config), **own}, [module_name(config.experiment)]
+        additions = identity()
+    return {"config": semantic(config), **additions}, [module_name(config.experiment)]
 
 
 def naming(overrides: Sequence[str]) -> dict[str, str]:

@@ -52,15 +52,15 @@ def search(overrides: Sequence[str], config_dirs: Sequence[Path], goal: SearchGo
         BackendError: Optuna is not installed, or its database cannot be used.
     """
     extend_path(config_dirs)
-    ours, _ = split(overrides)
-    fixed, searched = space(ours)
+    settings, _ = split(overrides)
+    fixed, searched = space(settings)
     if not searched:
         raise ConfigError("--search needs a setting to search over, such as 'trajectory.height_m=interval(0.5,1.5)'")
     composer = Composer(config_dirs)
     middle = [f"{key}={_text(_middle(distribution))}" for key, distribution in searched.items()]
     (first,) = composed([[*fixed, *middle]], composer)
     study, place = _study(first, fixed, searched, goal)
-    title = f"search {goal.direction} {goal.metric} over {' '.join(override for override in ours if naming([override]))}"
+    title = f"search {goal.direction} {goal.metric} over {' '.join(override for override in settings if naming([override]))}"
     with Sweep(first, [*fixed, *middle], ["--search", goal.metric, *overrides, *folders(config_dirs)], composer, title) as running:
         while (done := len(_finished(study))) < goal.trials:
             trials = [study.ask(searched) for _ in range(min(goal.at_once, goal.trials - done))]

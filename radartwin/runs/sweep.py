@@ -40,10 +40,10 @@ TABLE, DESCRIPTION = "jobs.csv", "sweep.json"
 def sweep(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
     """Run one job per combination of values. Return 0 if all jobs are done, 1 if a job failed, 2 if a job had wrong user input."""
     extend_path(config_dirs)
-    ours, _ = split(overrides)
-    jobs, composer = combinations(ours), Composer(config_dirs)
+    settings, _ = split(overrides)
+    jobs, composer = combinations(settings), Composer(config_dirs)
     configs = composed(jobs, composer)
-    title = " ".join(override for override in ours if naming([override]))
+    title = " ".join(override for override in settings if naming([override]))
     with Sweep(configs[0], jobs[0], ["-m", *overrides, *folders(config_dirs)], composer, title) as running:
         running.run({number: (job, config) for number, (job, config) in enumerate(zip(jobs, configs, strict=True))})
     return running.close()

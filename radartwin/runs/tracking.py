@@ -157,8 +157,8 @@ class Tracker:
         if self.off:
             return True
         with self._visit() as client:
-            found = _of_key(client, self._experiment(client, table), key)
-        return any(run.info.status == "FINISHED" or (run.info.status == "RUNNING" and _alive(run.data.tags)) for run in found)
+            runs = _of_key(client, self._experiment(client, table), key)
+        return any(run.info.status == "FINISHED" or (run.info.status == "RUNNING" and _alive(run.data.tags)) for run in runs)
 
     @contextlib.contextmanager
     def _visit(self) -> Iterator[MlflowClient]:
@@ -182,9 +182,9 @@ class Tracker:
         return self._client
 
     def _experiment(self, client: MlflowClient, table: str) -> str:
-        found = client.get_experiment_by_name(table)
-        if found is not None:
-            return found.experiment_id
+        experiment = client.get_experiment_by_name(table)
+        if experiment is not None:
+            return experiment.experiment_id
         location = f"{self.artifacts}/{table}" if self._database else None
         return client.create_experiment(table, artifact_location=location, tags=KIND)
 
@@ -279,8 +279,8 @@ def _store_errors(uri: str) -> Iterator[None]:
 @contextlib.contextmanager
 def _short_timeouts() -> Iterator[None]:
     """Within the `with` block, let mlflow try a server twice for 10 s each instead of for minutes. Settings of the user take precedence."""
-    ours = {"MLFLOW_HTTP_REQUEST_MAX_RETRIES": "1", "MLFLOW_HTTP_REQUEST_TIMEOUT": "10"}
-    added = {name: value for name, value in ours.items() if name not in os.environ}
+    timeouts = {"MLFLOW_HTTP_REQUEST_MAX_RETRIES": "1", "MLFLOW_HTTP_REQUEST_TIMEOUT": "10"}
+    added = {name: value for name, value in timeouts.items() if name not in os.environ}
     os.environ.update(added)
     try:
         yield
@@ -296,12 +296,12 @@ def _unusable(store: object, reason: str) -> BackendError:
 
 def _one_line(error: Exception) -> str:
     """Return SQLite's own error message if `error` wraps an SQLite error; otherwise return the first line of the error's text."""
-    if found := re.search(r"\(sqlite3\.\w+\) ([^\n\[]+)", str(error)):
-        return found.group(1).strip()
+    if match := re.search(r"\(sqlite3\.\w+\) ([^\n\[]+)", str(error)):
+        return match.group(1).strip()
     return hidden((str(error).splitlines() or [type(error).__name__])[0])[:200]
 
 
-def _alive(found: Mapping[str, str]) -> bool:
+def _alive(tags: Mapping[str, str]) -> bool:
     """Return whether the process that the tags of an MLflow run name still runs on this machine."""
-    host, _, process = found.get(PROCESS, "").rpartition(":")
+    host, _, process = tags.get(PROCESS, "").rpartition(":")
     return host == socket.gethostname() and process.isdecimal() and files.alive(int(process))

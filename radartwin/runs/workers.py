@@ -70,15 +70,15 @@ def each(function: Callable[..., Any], items: Sequence[tuple[Any, ...]], jobs: i
             results.append(function(*item))
             done()
         return results
-    found: dict[int, Any] = {}
+    by_number: dict[int, Any] = {}
     calls = ((function, number, item) for number, item in enumerate(items))
 
     def on_result(numbered: tuple[int, Any]) -> None:
-        number, found[number] = numbered
+        number, by_number[number] = numbered
         done()
 
     run(_numbered, lambda _: next(calls, None), on_result, count)
-    return [found[number] for number in range(len(items))]
+    return [by_number[number] for number in range(len(items))]
 
 
 def _numbered(function: Callable[..., Any], number: int, item: tuple[Any, ...]) -> tuple[int, Any]:

@@ -184,15 +184,15 @@ def _ears(ring: np.ndarray) -> np.ndarray:
     triangles = triangulate_float64(ring, np.array([count], np.uint32)).reshape(-1, 3).astype(np.int64)
     (x, y), (u, v) = ((ring[triangles[:, k]] - ring[triangles[:, 0]]).T for k in (1, 2))
     triangles[x * v < y * u] = triangles[x * v < y * u, ::-1]
-    used = set(triangles.ravel().tolist())
-    for corner in [k for k in range(count) if k not in used]:
-        before, after = (next((k for n in range(1, count) if (k := (corner + sign * n) % count) in used), corner) for sign in (-1, 1))
+    covered = set(triangles.ravel().tolist())
+    for corner in [k for k in range(count) if k not in covered]:
+        before, after = (next((k for n in range(1, count) if (k := (corner + sign * n) % count) in covered), corner) for sign in (-1, 1))
         # split the triangle that holds the edge on which the corner lies
         for triangle, place in np.argwhere((triangles == before) & (np.roll(triangles, -1, axis=1) == after)):
             apex = triangles[triangle, place - 1]
             triangles[triangle] = before, corner, apex
             triangles = np.vstack([triangles, [corner, after, apex]])
-            used.add(corner)
+            covered.add(corner)
     return triangles
 
 
@@ -367,10 +367,10 @@ def _plain_glb(content: bytes, left_out: list[str]) -> bytes:
         binary += values.tobytes() + bytes(-values.nbytes % 4)
 
     before = len(views)
-    used = {(name, number) for part in parts for name, number in part["attributes"].items()}
-    floats = {number for name, number in used if name.startswith(("POSITION", "NORMAL", "TEXCOORD"))}
+    attributes = {(name, number) for part in parts for name, number in part["attributes"].items()}
+    floats = {number for name, number in attributes if name.startswith(("POSITION", "NORMAL", "TEXCOORD"))}
     # trimesh takes the low byte of colours of 16 bits
-    floats |= {number for name, number in used if name.startswith("COLOR") and accessors[number]["componentType"] == USHORT}
+    floats |= {number for name, number in attributes if name.startswith("COLOR") and accessors[number]["componentType"] == USHORT}
     for index, accessor in enumerate(accessors):
         if "sparse" in accessor or (index in floats and accessor["componentType"] != FLOAT):
             values = _numbers(document, binary, accessor)
@@ -420,8 +420,8 @@ def _check_sizes(document: dict[str, Any], length: int) -> None:
     sizes = [int(a["count"]) * KINDS[a["componentType"]].itemsize * COUNTS[a["type"]] for a in document.get("accessors", [])]
     meshes = []
     for mesh in document.get("meshes", []):
-        used = [number for part in mesh["primitives"] for number in (*part["attributes"].values(), part.get("indices"))]
-        meshes.append(sum(sizes[number] for number in used if number is not None))
+        accessors = [number for part in mesh["primitives"] for number in (*part["attributes"].values(), part.get("indices"))]
+        meshes.append(sum(sizes[number] for number in accessors if number is not None))
     nodes, scenes = document.get("nodes", []), document.get("scenes", [])
     children = [child for node in nodes for child in node.get("children", [])]
     children += scenes[document.get("scene", 0)].get("nodes", []) if scenes else []
@@ -434,8 +434,8 @@ def _check_sizes(document: dict[str, Any], length: int) -> None:
 
 def _check_pictures(materials: Iterable[Any], path: Path) -> None:
     """Raise an error for textures with more than MAX_PIXELS pixels. The check reads only the headers of the pictures."""
-    found = (getattr(material, name, None) for material in materials for name in PICTURES)
-    pictures = {id(picture): picture for picture in found if isinstance(picture, Image.Image)}
+    textures = (getattr(material, name, None) for material in materials for name in PICTURES)
+    pictures = {id(picture): picture for picture in textures if isinstance(picture, Image.Image)}
     pixels = sum(picture.width * picture.height for picture in pictures.values())
     if pixels > MAX_PIXELS:
         raise MeshError(f"{path} has textures of {pixels:,} pixels, over the limit of {MAX_PIXELS:,}; export it with smaller ones")

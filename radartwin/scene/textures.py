@@ -168,9 +168,9 @@ def _with_label(mesh: trimesh.Trimesh, material: PBRMaterial, width_m: float) ->
     faces, vertices, normals = np.asarray(mesh.faces), np.asarray(mesh.vertices), np.asarray(mesh.vertex_normals)
     low, high = np.asarray(mesh.bounds)
     repeats = max(1, round(np.pi * float((high - low)[:2].max()) / width_m))
-    turn = np.arctan2(vertices[:, 1], vertices[:, 0])[faces] / (2 * np.pi) % 1.0
+    azimuth_turns = np.arctan2(vertices[:, 1], vertices[:, 0])[faces] / (2 * np.pi) % 1.0
     # for a face across the seam, let the texture coordinates continue beyond a full turn
-    over = (np.ptp(turn, axis=1, keepdims=True) > 0.5) & (turn < 0.5)
+    over = (np.ptp(azimuth_turns, axis=1, keepdims=True) > 0.5) & (azimuth_turns < 0.5)
     end = np.repeat(np.abs(mesh.face_normals[:, 2:]) > 0.5, 3, axis=1)
     key, index = np.unique(np.stack([faces.ravel(), over.ravel(), end.ravel()], axis=1), axis=0, return_inverse=True)
     vertex, over, end = key.T

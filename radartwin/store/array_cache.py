@@ -67,7 +67,7 @@ class ArrayCache:
             path = self.folder / f"{key}{_SUFFIX}"
             try:
                 arrays = files.read_arrays(path)
-                found = read(arrays)
+                result = read(arrays)
                 os.utime(path)  # mark the entry as used now, because the least recently used entry is removed first
             except FileNotFoundError:
                 return None
@@ -77,7 +77,7 @@ class ArrayCache:
                     path.unlink()
                 return None
             self._remember(key, arrays)
-            return found
+            return result
 
     def put(self, key: str, arrays: Arrays) -> None:
         """Store the arrays under the key. If the disk is full, warn and keep the arrays in memory only."""

@@ -147,8 +147,8 @@ def _data_digest(package: str) -> str:
     folder = sources.location(package)
     if not folder or package.count(".") != 1 or not folder.is_dir():
         return ""
-    found = sorted(file for file in folder.rglob("*") if file.suffix in DATA and file.name != WRITTEN)
-    return "".join(f"{file.relative_to(folder)} {hashlib.sha256(file.read_bytes()).hexdigest()}\n" for file in found)
+    data_files = sorted(file for file in folder.rglob("*") if file.suffix in DATA and file.name != WRITTEN)
+    return "".join(f"{file.relative_to(folder)} {hashlib.sha256(file.read_bytes()).hexdigest()}\n" for file in data_files)
 
 
 @functools.cache

@@ -57,13 +57,13 @@ class Product:
 
 @dataclass
 class Counts:
-    """Record which stored results, as pairs (kind, key), were computed and which were found in the store.
+    """Record which stored results, as pairs (kind, key), were computed (built) and which were found in the store (stored).
 
     A result that is first computed and then found in the store counts as computed.
     """
 
     built: set[tuple[str, str]] = field(default_factory=set)
-    found: set[tuple[str, str]] = field(default_factory=set)
+    stored: set[tuple[str, str]] = field(default_factory=set)
 
     @property
     def simulated(self) -> int:
@@ -71,7 +71,7 @@ class Counts:
 
     @property
     def reused(self) -> int:
-        return len(self.found - self.built)
+        return len(self.stored - self.built)
 
     @property
     def scored(self) -> int:
@@ -80,14 +80,14 @@ class Counts:
     @property
     def by_kind(self) -> Counter[str]:
         """Return the number of stored results of each kind, with keys such as "KIND built" and "KIND reused"."""
-        built, reused = (Counter(kind for kind, _ in some) for some in (self.built, self.found - self.built))
+        built, reused = (Counter(kind for kind, _ in pairs) for pairs in (self.built, self.stored - self.built))
         return Counter({f"{kind} built": n for kind, n in built.items()} | {f"{kind} reused": n for kind, n in reused.items()})
 
     def __str__(self) -> str:
         return f"simulated {self.simulated}, reused {self.reused}, scored {self.scored}"
 
     def __add__(self, other: Counts) -> Counts:
-        return Counts(self.built | other.built, self.found | other.found)
+        return Counts(self.built | other.built, self.stored | other.stored)
 
 
 _open_counts: list[Counts] = []
@@ -108,7 +108,7 @@ def count(more: Counts) -> None:
     """Add the counts of stored results from a worker to all `Counts` that are active in this process."""
     for counts in _open_counts:
         counts.built |= more.built
-        counts.found |= more.found
+        counts.stored |= more.stored
 
 
 class Store:
@@ -153,7 +153,7 @@ class Store:
         key = self.key(kind, spec, entries)
         with _disk_errors(self.root):
             product = self._fetch(kind, key, build, {"spec": spec, "modules": entries})
-        count(Counts(found={(kind, key)}) if product.reused else Counts(built={(kind, key)}))
+        count(Counts(stored={(kind, key)}) if product.reused else Counts(built={(kind, key)}))
         return product
 
     def holds(self, kind: str, spec: Mapping[str, Any], entries: Iterable[str]) -> bool:

@@ -66,14 +66,14 @@ def place(room: Scene, sensor_poses: np.ndarray, target: np.ndarray, rng: np.ran
     cylinder = shapes.cylinder(FREE_M, 1.75, 24)
     for _ in range(_TRIES):
         away, beside = rng.uniform(NEAR_M, FAR_M), np.radians(rng.uniform(*BESIDE_DEG)) * rng.choice([-1, 1])
-        turn = rng.uniform(0, 2 * np.pi)
+        heading = rng.uniform(0, 2 * np.pi)
         at = start[:2, 3] + away * (np.cos(beside) * start[:2, 0] + np.sin(beside) * start[:2, 1])
         inside = (at > floor[0, :2] + FREE_M).all() and (at < floor[1, :2] - FREE_M).all()
         if not inside or np.linalg.norm(keep_off - at, axis=1).min() < APART_M:
             continue
         standing = cylinder.copy().apply_translation([*at, 0.05 + 1.75 / 2])
         if not any(overlap_m(standing, s.mesh) for s in others):
-            return pose([*at, 0.005], about_z(turn))
+            return pose([*at, 0.005], about_z(heading))
     raise SceneError(f"no free place for a person within {FAR_M:g} m of the radar; set measured.gap.person=0 for this room")
 
 
@@ -99,5 +99,5 @@ class Echo:
         frequency = radar.start_frequency_hz + radar.slope_hz_per_s * np.arange(radar.num_samples) / radar.sample_rate_hz
         for first in range(0, len(iq), _BLOCK):
             block = slice(first, first + _BLOCK)
-            turn = np.exp(-4j * np.pi / SPEED_OF_LIGHT * self.towards_m[block, None] * frequency).astype(np.complex64)
-            iq[block] += (self.still if len(self.still) == 1 else self.still[block]) * turn[:, None, None, None]
+            phasor = np.exp(-4j * np.pi / SPEED_OF_LIGHT * self.towards_m[block, None] * frequency).astype(np.complex64)
+            iq[block] += (self.still if len(self.still) == 1 else self.still[block]) * phasor[:, None, None, None]

@@ -116,9 +116,9 @@ def _turned_box(centre: list[float], size: list[float], yaw_deg: float) -> trime
     return objects.box((-half).tolist(), half.tolist()).apply_transform(pose(centre, about_z(np.radians(yaw_deg))))
 
 
-def _rod(one: np.ndarray, other: np.ndarray, radius_m: float) -> trimesh.Trimesh:
-    """Build a closed cylinder with radius `radius_m` between the points `one` (3,) and `other` (3,)."""
-    along = np.asarray(other, float) - one
+def _rod(start: np.ndarray, end: np.ndarray, radius_m: float) -> trimesh.Trimesh:
+    """Build a closed cylinder with radius `radius_m` between the points `start` (3,) and `end` (3,)."""
+    along = np.asarray(end, float) - start
     length = float(np.linalg.norm(along))
     rotation = np.asarray(trimesh.geometry.align_vectors([0, 0, 1], along / length))[:3, :3]
-    return objects.cylinder(radius_m, length, _SIDES).apply_transform(pose((np.asarray(one) + other) / 2, rotation))
+    return objects.cylinder(radius_m, length, _SIDES).apply_transform(pose((np.asarray(start) + end) / 2, rotation))

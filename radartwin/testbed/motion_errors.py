@@ -171,13 +171,13 @@ def rover(poses: NDArray[np.float64], errors: RoverErrors, rng: np.random.Genera
     sign = np.where(steps @ gone[np.linalg.norm(gone, axis=1).argmax()] < 0, -1.0, 1.0)  # forwards or backwards
     slow = (rng.standard_normal() + wander(path[:-1], errors.slip_length_m, rng)) / np.sqrt(2)
     wheel = np.concatenate([[0.0], np.cumsum(sign * long)])
-    turn = 2 * np.pi * wheel / (np.pi * errors.wheel_m) + rng.uniform(0, 2 * np.pi)
+    wheel_angle = 2 * np.pi * wheel / (np.pi * errors.wheel_m) + rng.uniform(0, 2 * np.pi)
     heading = np.radians(errors.heading_deg * rng.standard_normal() + errors.drift_deg_per_m * rng.standard_normal() * path)
     start = errors.start_m * rng.standard_normal(2)
     bob = errors.bob_m * wander(path, errors.bob_length_m, rng)
     if errors.none():
         return poses.copy()
-    ripple = np.divide(sign * errors.ripple_m * np.diff(np.sin(turn)), long, out=np.zeros_like(long), where=long > 0)
+    ripple = np.divide(sign * errors.ripple_m * np.diff(np.sin(wheel_angle)), long, out=np.zeros_like(long), where=long > 0)
     moved = about_z(heading[:-1]) @ (steps * (1 + errors.slip * slow + ripple)[:, None])[..., None]
     out = poses.copy()
     out[:, :3, :3] = about_z(heading) @ poses[:, :3, :3]
@@ -211,8 +211,8 @@ def turntable_angles(nominal_rad: NDArray[np.float64], errors: TurntableErrors, 
     start, rate = np.radians(errors.start_deg) * rng.standard_normal(), rng.standard_normal()
     phase = rng.uniform(0, 2 * np.pi)
     since = nominal_rad - nominal_rad[:1]
-    own = np.random.default_rng(rng.integers(2**63))  # own generator, so that later draws from `rng` do not depend on the frame count
-    excess_rate = wander(np.abs(since), 2 * np.pi * errors.rate_turns, own)
+    rate_rng = np.random.default_rng(rng.integers(2**63))  # own generator, so that later draws from `rng` do not depend on the frame count
+    excess_rate = wander(np.abs(since), 2 * np.pi * errors.rate_turns, rate_rng)
     steps = np.diff(since, prepend=since[:1])
     excess = errors.rate / np.sqrt(2) * (rate * since + np.cumsum(excess_rate * steps))
     ripple = np.radians(errors.ripple_deg) * (np.sin(errors.ripple_cycles * since + phase) - np.sin(phase))

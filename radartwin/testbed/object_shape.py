@@ -115,8 +115,8 @@ def _field(form: Form, surfaces: Sequence[Surface], strength: float, rng: np.ran
         d = radius + oval * np.cos(2 * (azimuth - oval_at))
         d += bulge * np.cos(2 * (azimuth - bulge_at)) * np.sin(np.pi * np.clip(share, 0, 1))
         for depth, at, height in dents:
-            d -= depth * np.exp(-((reach * _turn(azimuth - at)) ** 2 + (z - height) ** 2) / (2 * DENT_WIDTH_M**2))
-        d += strength * form.seam_m * np.exp(-((reach * _turn(azimuth - seam_at)) ** 2) / (2 * (SEAM_WIDTH_M / 2) ** 2))
+            d -= depth * np.exp(-((reach * _wrapped(azimuth - at)) ** 2 + (z - height) ** 2) / (2 * DENT_WIDTH_M**2))
+        d += strength * form.seam_m * np.exp(-((reach * _wrapped(azimuth - seam_at)) ** 2) / (2 * (SEAM_WIDTH_M / 2) ** 2))
         if beaded:
             d -= strength * form.bead_m * np.sin(np.pi * z / BEAD_PITCH_M + phase) ** 2 * _between(share, 0.25, 0.75)
         d -= strength * form.label_m * _between(share, 0.2, 0.6)
@@ -132,7 +132,7 @@ def _field(form: Form, surfaces: Sequence[Surface], strength: float, rng: np.ran
     return moved
 
 
-def _turn(angle: np.ndarray) -> np.ndarray:
+def _wrapped(angle: np.ndarray) -> np.ndarray:
     """Return an angle in radians from -pi to pi."""
     return (angle + np.pi) % (2 * np.pi) - np.pi
 

@@ -24,7 +24,7 @@ from radartwin.scene.scene import Scene
 from radartwin.scene.trajectories.trajectory import pose
 from radartwin.simulation.signal.synthesis import thermal_noise
 from radartwin.testbed import motion_errors as errors
-from radartwin.testbed.variation import own_contents, own_material, own_roughness
+from radartwin.testbed.variation import vary_contents, vary_material, vary_roughness
 
 CLUTTER_SHIFT_M = 0.02  # shift of small objects since the scan: standard deviation along x and along y, in metres; order of magnitude
 TRUTH_RAYS_PER_WAVELENGTH2 = 4.0
@@ -90,9 +90,9 @@ def truth(scene: Scene, gaps: Gaps, seed: int, clutter: Collection[str] = (), ta
                 continue
             if surface.name in clutter:
                 surface = surface.moved(pose(gaps.clutter * CLUTTER_SHIFT_M * np.append(shift.standard_normal(2), 0.0)))
-        own = own_material(surface, gaps.object_material if target else gaps.materials, rng)
-        rough = own_roughness(own, gaps.roughness, rng)
-        surfaces += own_contents(rough, gaps.contents, rng)
+        varied = vary_material(surface, gaps.object_material if target else gaps.materials, rng)
+        rough = vary_roughness(varied, gaps.roughness, rng)
+        surfaces += vary_contents(rough, gaps.contents, rng)
     return Scene(surfaces, {**scene.provenance, "testbed": "truth"})
 
 

@@ -33,7 +33,7 @@ CONTENTS_SIGMA = 0.10
 HEADSPACE = 0.10  # mean height of the empty space at the top of a filled vessel, as a fraction of the vessel's height
 
 
-def own_material(surface: Surface, strength: float, rng: np.random.Generator) -> Surface:
+def vary_material(surface: Surface, strength: float, rng: np.random.Generator) -> Surface:
     """Return the surface with log-normal random deviations of its layer thickness and permittivity."""
     stack = layered(surface.material)
     count = len(stack.layers)
@@ -52,7 +52,7 @@ def own_material(surface: Surface, strength: float, rng: np.random.Generator) ->
     return surface.replaced(material=Layered(layers, backing=backing))
 
 
-def own_roughness(surface: Surface, strength: float, rng: np.random.Generator) -> Surface:
+def vary_roughness(surface: Surface, strength: float, rng: np.random.Generator) -> Surface:
     """Return the surface with a randomly deviating roughness height; a nominally smooth surface becomes rough."""
     factor = float(np.exp(strength * HEIGHT_SIGMA * rng.standard_normal()))
     if strength == 0:
@@ -63,7 +63,7 @@ def own_roughness(surface: Surface, strength: float, rng: np.random.Generator) -
     return surface.replaced(roughness_m=strength * ROUGHNESS_M.get(outermost, ROUGHNESS_OTHER_M))
 
 
-def own_contents(surface: Surface, strength: float, rng: np.random.Generator) -> list[Surface]:
+def vary_contents(surface: Surface, strength: float, rng: np.random.Generator) -> list[Surface]:
     """Return a vessel with a deviating liquid and an empty space at its top, as a filled part and an empty part with the same name.
 
     Surfaces that are not filled vessels are returned unchanged.

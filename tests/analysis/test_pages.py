@@ -25,11 +25,11 @@ def folder(tmp_path):
 
 
 @pytest.mark.parametrize(("place", "expected"), {
-    '{{ one("rooms", case="void") | interval }}': "0.43 (0.40 to 0.45)",
-    '{{ one("rooms", case="room") | interval }}': "0.78",  # an interval without a width is left out
-    '{{ one("rooms", paper="") | interval }}': "0.0004",
-    '{{ one("rooms", case="void").paper | number }}': "-0.24",
-    '{{ one("rooms", value=0.4312).low | number }}': "0.40",
+    '{{ row("rooms", case="void") | interval }}': "0.43 (0.40 to 0.45)",
+    '{{ row("rooms", case="room") | interval }}': "0.78",  # an interval without a width is left out
+    '{{ row("rooms", paper="") | interval }}': "0.0004",
+    '{{ row("rooms", case="void").paper | number }}': "-0.24",
+    '{{ row("rooms", value=0.4312).low | number }}': "0.40",
     '{{ rows("rooms") | length }}': "3",
     '{{ rows("rooms", absent="") | rejectattr("verdict", "eq", "contradicted") | list | length }}': "2",
     '{{ rows("rooms") | selectattr("verdict") | lines("case", "value", "draws") }}':
@@ -40,13 +40,13 @@ def test_places_are_filled(place, expected, folder):
 
 
 @pytest.mark.parametrize(("place", "told"), {
-    '{{ one("rooms", draws=4) }}': "0 rows of .*rooms.csv have {'draws': 4}, not one",
-    '{{ one("rooms") }}': "3 rows",
-    '{{ one("rooms", of="void") }}': "no column 'of'",
-    '{{ one("rooms", case="void").p }}': "no attribute 'p'",
+    '{{ row("rooms", draws=4) }}': "0 rows of .*rooms.csv have {'draws': 4}, not one",
+    '{{ row("rooms") }}': "3 rows",
+    '{{ row("rooms", of="void") }}': "no column 'of'",
+    '{{ row("rooms", case="void").p }}': "no attribute 'p'",
     '{{ rows("rooms", case="hall") | lines("case") }}': "no row fits",
     '{{ rows("rooms") | lines("p") }}': "'p'",
-    '{{ one("halls", case="void") }}': "halls.csv does not exist; run radartwin tables --profile paper --only halls",
+    '{{ row("halls", case="void") }}': "halls.csv does not exist; run radartwin tables --profile paper --only halls",
 }.items())  # fmt: skip
 def test_a_place_that_fits_no_row_is_refused(place, told, folder):
     with pytest.raises((ValueError, KeyError, UndefinedError), match=told):

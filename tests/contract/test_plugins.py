@@ -258,9 +258,9 @@ BROKEN = {  # command, group, code of the module, words of the message
               "paths raised TypeError"),
     "benchmark": (["benchmark", "--method", "broken"], SIMULATORS, "1/0", "its import raised ZeroDivisionError"),
     "materials": (["simulate", "materials=broken"], plugins.MATERIALS, "Thing = 1", "is no dataclass with name = 'broken'"),
-    "features": (["simulate", "features=broken"], plugins.FEATURES, "Thing = 1", "is no radartwin.features.families.FeatureSet"),
+    "features": (["simulate", "features=broken"], plugins.FEATURES, "Thing = 1", "is no radartwin.features.sets.FeatureSet"),
     "family": (["simulate", "features=broken"], plugins.FEATURES,
-               "from radartwin.features.families import FeatureSet\nThing = FeatureSet(('speed',))", "family 'speed' is unknown"),
+               "from radartwin.features.sets import FeatureSet\nThing = FeatureSet(('speed',))", "family 'speed' is unknown"),
     "experiment": (["run", "experiment=broken"], plugins.EXPERIMENTS, "Thing = 1", "is no module with a function run"),
     "run": (RUN, plugins.EXPERIMENTS, "def run(*_):\n    1 / 0",
             "run raised ZeroDivisionError: division by zero (other_package.py, line 2)"),
@@ -286,9 +286,9 @@ def test_broken_plug_in_is_one_line_that_names_the_package(
 
 def test_features_of_a_plug_in_match_their_definition(installed: Path) -> None:
     """Behind the target, the profile falls by 5 dB per metre, so the slope is -5."""
+    from radartwin.features.families import frames, vector
     from radartwin.features.log import Nominal
     from radartwin.features.processed import process
-    from radartwin.features.sets import frames, vector
     from radartwin.radar.chirp import Radar
     from radartwin.radar.recording import Recording
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from radartwin.config.study import TrackingConfig
-from radartwin.features import sets
+from radartwin.features import families
 from radartwin.features.log import Nominal
 from radartwin.features.processed import process
 from radartwin.radar.chirp import Radar
@@ -52,7 +52,7 @@ def turning(kind: str, seed: int, distance_m: float = 1.0, gain: float = 1.0) ->
 
 def rows(recording: Recording, distance_m: float = 1.0):
     log = Nominal(FRAMES / PERIOD_S, np.full(FRAMES, distance_m), 2 * np.pi * np.arange(FRAMES) / FRAMES)
-    return sets.vector(process(recording, doppler=False), log, "rotation", ["brightness"])
+    return families.vector(process(recording, doppler=False), log, "rotation", ["brightness"])
 
 
 @pytest.fixture(scope="module")

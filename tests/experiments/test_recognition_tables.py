@@ -41,7 +41,7 @@ from experiments.recognition.figures import bars
 from experiments.recognition.protocol import LEAST_GAIN, TEXT, Scored, permuted_accuracy
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
-from radartwin.features import sets
+from radartwin.features import families
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PALETTE
 from radartwin.recognize import probes
@@ -445,7 +445,7 @@ def test_the_floor_of_features_is_measured_in_a_draw_of_its_own():
     paper = compose(["experiment=labelled_probe", "profile=paper"]).profile.campaign
     assert feature_floor.DRAW not in {choices.DRAW, *range(max(paper.draws, paper.rover_draws))}
     case, source = Case("mug", "lab", "turntable", 1.0), turntable()
-    names, _ = sets.vector(source.processed("twin", case)[1], source.log(case, "twin"), "rotation")
+    names, _ = families.vector(source.processed("twin", case)[1], source.log(case, "twin"), "rotation")
     assert (probes.repeatability(names) > 0).all()
 
 

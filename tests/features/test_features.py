@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from echoes import BIN_M, RADAR, echoes
 
-from radartwin.features import align, doppler, envelope, extent, sets, track, window
-from radartwin.features.families import SETS
+from radartwin.features import align, doppler, envelope, extent, families, track, window
 from radartwin.features.log import Nominal as Log
 from radartwin.features.processed import Processed, process
+from radartwin.features.sets import SETS
 from radartwin.features.signature import signature
 
 AXIS_M = 24 * BIN_M  # range of the turntable's axis, on the centre of a range bin, about 1.05 m
@@ -263,7 +263,7 @@ def test_a_drive_there_and_back_has_a_triangular_track_and_both_velocities() -> 
     late = process(echoes(49, [(lambda t: 1e-3 / there_and_back(t - 0.5) ** 2, lambda t: there_and_back(t - 0.5))], noise=1e-4))
     both = [envelope.target_energy(one, track.around(one, nominal, RADAR.frame_rate_hz)) for one in (made, late)]
     assert align.start_offset(*both, max_frames=12) == 5
-    names, values = sets.vector(made, Log(RADAR.frame_rate_hz, nominal, None), "depth")
+    names, values = families.vector(made, Log(RADAR.frame_rate_hz, nominal, None), "depth")
     assert np.isfinite(values).all()
     assert dict(zip(names, values, strict=True))["excursion_m"] == pytest.approx(0.48, abs=0.03)
 
@@ -331,12 +331,12 @@ def test_signature_does_not_depend_on_start_angle_scale_and_distance() -> None:
 
 def test_set_has_the_named_features_of_its_families_in_order() -> None:
     made, log = turning(lobes, noise=1e-4), at_rest(FRAMES, AXIS_M, 1.0)
-    names, values = sets.vector(made, log, "rotation")
+    names, values = families.vector(made, log, "rotation")
     assert names == [
         "harmonic_ratio", *(f"harmonic_{m}" for m in range(1, 7)), "crest_factor", "entropy", "azimuth_extent_rad", "brightness_db",
     ]  # fmt: skip
     assert dict(zip(names, values, strict=True))["harmonic_ratio"] == pytest.approx(0.17, rel=0.02)
-    shape, fewer = sets.vector(made, log, "rotation", without=["brightness"])
+    shape, fewer = families.vector(made, log, "rotation", without=["brightness"])
     assert shape == names[:-1]
     assert np.array_equal(fewer, values[:-1])
 
@@ -344,8 +344,8 @@ def test_set_has_the_named_features_of_its_families_in_order() -> None:
 @pytest.mark.parametrize("name", ["rotation", "depth", "lateral", "raw"])
 def test_frame_features_have_one_row_per_frame(name: str) -> None:
     made, log = turning(lobes, noise=1e-4), at_rest(FRAMES, AXIS_M, 1.0)
-    names, matrix = sets.frames(made, log, name)
-    whole, values = sets.vector(made, log, name)
+    names, matrix = families.frames(made, log, name)
+    whole, values = families.vector(made, log, name)
     assert matrix.shape == (FRAMES, len(names))
     assert np.isfinite(matrix).all()
     assert np.isfinite(values).all()
@@ -360,7 +360,7 @@ def test_depth_features_of_an_approach_match_its_geometry() -> None:
     nominal = 1.5 - 0.2 * np.arange(frames, dtype=np.float64) / RADAR.frame_rate_hz
     front = 0.03  # distance in metres by which the front of the object is nearer than its axis
     made = process(echoes(frames, [(lambda t: 1e-3 / (1.5 - 0.2 * t - front) ** 2, lambda t: 1.5 - 0.2 * t - front), (3e-4, 4.0)]))
-    names, values = sets.vector(made, Log(RADAR.frame_rate_hz, nominal, None), "depth")
+    names, values = families.vector(made, Log(RADAR.frame_rate_hz, nominal, None), "depth")
     found = dict(zip(names, values, strict=True))
     assert found["excursion_m"] == pytest.approx(0.78, abs=2e-3)
     assert found["track_offset_m"] == pytest.approx(-front, abs=1e-3)
@@ -377,7 +377,7 @@ def test_shape_features_of_a_pass_do_not_depend_on_scale() -> None:
     def passing(scale: float) -> tuple[list[str], np.ndarray]:
         across = np.hypot(0.24 * (np.arange(50) / 10 - 2.5), 1.0)
         made = process(echoes(50, [(lambda t: scale * np.exp(-((t - 2.5) ** 2)), lambda t: np.hypot(0.24 * (t - 2.5), 1.0))]))
-        return sets.vector(made, Log(RADAR.frame_rate_hz, across, None), "lateral", without=["brightness", "window"])
+        return families.vector(made, Log(RADAR.frame_rate_hz, across, None), "lateral", without=["brightness", "window"])
 
     names, values = passing(1e-3)
     assert "harmonic_ratio" in names
@@ -388,5 +388,5 @@ def test_target_below_the_noise_has_finite_features() -> None:
     made = process(echoes(FRAMES, [], noise=1e-3))
     quiet = replace(made, noise=(1.5 * made.noise_floor).astype(np.float32))
     for name in SETS:
-        assert np.isfinite(sets.vector(quiet, at_rest(FRAMES, AXIS_M, 1.0), name)[1]).all()
-        assert np.isfinite(sets.frames(quiet, at_rest(FRAMES, AXIS_M, 1.0), name)[1]).all()
+        assert np.isfinite(families.vector(quiet, at_rest(FRAMES, AXIS_M, 1.0), name)[1]).all()
+        assert np.isfinite(families.frames(quiet, at_rest(FRAMES, AXIS_M, 1.0), name)[1]).all()

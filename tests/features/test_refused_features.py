@@ -11,8 +11,7 @@ from echoes import RADAR, echoes
 from test_features import AXIS_M, FRAMES, Log, angle, at_rest
 
 from radartwin.errors import ConfigError, InputError, RecordingError
-from radartwin.features import align, doppler, envelope, normalise, pictures, profile, sets, track
-from radartwin.features.families import families
+from radartwin.features import align, doppler, envelope, families, normalise, pictures, profile, sets, track
 from radartwin.features.processed import Processed, process
 
 AXIS = np.arange(200) * 0.05  # 0 to 9.95 m
@@ -28,7 +27,7 @@ ENERGIES = {  # by defect
 
 
 def vector(log: Log, name: str) -> Callable[[], object]:
-    return lambda: sets.vector(MADE, log, name)
+    return lambda: families.vector(MADE, log, name)
 
 
 def fitted(simulated: tuple[int, int], measured: tuple[int, int]) -> Callable[[], object]:
@@ -45,8 +44,8 @@ ROWS: list[tuple[type[Exception], str, Callable[[], object]]] = [
     (InputError, "three frames", lambda: doppler.range_rate(np.ones(2), 10.0)),
     (InputError, "without Doppler", lambda: doppler.radial_velocity(TURN, 1.0)),
     (ConfigError, r"features\.name=spin is unknown; options: rotation, depth, lateral, raw", vector(at_rest(3, 1.0), "spin")),
-    (ConfigError, "track is not in features=rotation", lambda: families("rotation", ["track"])),
-    (ConfigError, "excludes every family", lambda: families("raw", ["profile"])),
+    (ConfigError, "track is not in features=rotation", lambda: sets.families("rotation", ["track"])),
+    (ConfigError, "excludes every family", lambda: sets.families("raw", ["profile"])),
     (InputError, "3 frames", vector(at_rest(4, 1.0), "depth")),
     (InputError, "no turntable angle", vector(at_rest(3, 1.0), "rotation")),
     (InputError, "finite", lambda: normalise.rank_normalise(np.array([[np.nan]]), np.zeros(1))),

@@ -61,7 +61,7 @@ def test_a_click_on_a_path_of_an_older_answer_has_no_effect(server: Any) -> None
     page.show(few)
     page._clicked(0)
     page.show(few)
-    assert page._chosen == 0
+    assert page._path_number == 0
 
 
 def test_a_recording_that_is_stopped_and_started_again_plays_at_its_frame_rate(server: Any) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from experiments.campaign.campaign import Campaign
 from radartwin.config.compose import compose
-from radartwin.features import sets
+from radartwin.features import families
 from radartwin.io.progress import Progress
 from radartwin.store.products import Store
 
@@ -35,7 +35,7 @@ def turning(campaign: Campaign, name: str) -> dict[float, dict[str, float]]:
     found = {}
     for case in campaign.cases("void", motion="turntable", object=name):
         _, processed = campaign.processed("void", case)
-        names, values = sets.vector(processed, campaign.log(case, "void"), "rotation")
+        names, values = families.vector(processed, campaign.log(case, "void"), "rotation")
         found[case.distance_m] = dict(zip(names, (float(value) for value in values), strict=True))
     return found
 

@@ -9,7 +9,7 @@ import pytest
 from made_files import recogniser
 
 from radartwin.errors import InputError
-from radartwin.features import sets
+from radartwin.features import families
 from radartwin.features.log import Nominal
 from radartwin.features.processed import Processed
 from radartwin.radar.chirp import Radar
@@ -44,8 +44,8 @@ def test_features_equal_those_of_a_recording_with_the_frames_of_the_training(fra
     assert processed.num_frames == int(24 * turns + 1e-6)
     assert log.angle_rad is not None
     np.testing.assert_allclose(np.diff(log.angle_rad), 2 * np.pi / 24)
-    _, expected = sets.vector(*turning(24), "rotation", ["brightness"])
-    _, found = sets.vector(processed, log, "rotation", ["brightness"])
+    _, expected = families.vector(*turning(24), "rotation", ["brightness"])
+    _, found = families.vector(processed, log, "rotation", ["brightness"])
     np.testing.assert_allclose(found, expected, atol=2 * np.pi / frames)
 
 

@@ -70,9 +70,9 @@ def draw(picture: Picture) -> Figure:
 
     maps, peaks = picture.maps, picture.peaks
     farthest = float(peaks.range_m.max()) if len(peaks) else float(maps.range_m[-1])
-    shown = maps.range_m <= farthest + BEYOND_M
-    range_m, profile = maps.range_m[shown], decibels(maps.range_time.mean(axis=0)[shown])
-    azimuth_deg, power = np.degrees(maps.azimuth_rad[::-1]), decibels(maps.range_azimuth[::-1][:, shown])
+    in_view = maps.range_m <= farthest + BEYOND_M
+    range_m, profile = maps.range_m[in_view], decibels(maps.range_time.mean(axis=0)[in_view])
+    azimuth_deg, power = np.degrees(maps.azimuth_rad[::-1]), decibels(maps.range_azimuth[::-1][:, in_view])
     top = float(power.max())
     with matplotlib.rc_context(style.style()):
         figure, (left, right) = style.figure(1, 2, width_in=11.0, height_in=4.6)

@@ -59,8 +59,8 @@ class Recorded:
     def by_place(self, places: Sequence[Place]) -> list[Record | None]:
         """Return for each surface position the record of the surface that it overlaps most; None if the overlap is below MIN_SHARE."""
         usable = self._usable()
-        found = matches(places, [record.place for record in usable])
-        return [None if match is None else usable[match[0]] for match in found]
+        best_matches = matches(places, [record.place for record in usable])
+        return [None if match is None else usable[match[0]] for match in best_matches]
 
     def _usable(self) -> list[Record]:
         return [record for record in self.records if self.model is None or record.model == self.model]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin.features import sets
+from radartwin.features import families
 from radartwin.features.log import Log
 from radartwin.features.processed import Processed, process
 from radartwin.radar.chirp import Radar
@@ -31,7 +31,7 @@ def feature_rows(
         echoes, strengths, seed: see `randomise.copies`.
     """
     made = copies(processed, echoes, thermal_power(processed.radar), count, strengths, seed)
-    rows = [sets.vector(copy, log, FEATURES, WITHOUT) for copy in made]
+    rows = [families.vector(copy, log, FEATURES, WITHOUT) for copy in made]
     return tuple(rows[0][0]), np.stack([values for _, values in rows]).astype(np.float64)
 
 

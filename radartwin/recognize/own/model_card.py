@@ -54,7 +54,10 @@ def model_card(objects: Sequence[OwnObject], trained: TrainedOn, epochs: int, te
         tested: answers at held-out distances; None if the training has a single distance.
     """
     objects_head = ("class", "mesh or catalogue object", "material", "size in mm", "description")
-    described = [(one.name, one.origin, one.material, _size(one), one.description or "none") for one in objects]
+    described = [
+        (own_object.name, own_object.origin, own_object.material, _size(own_object), own_object.description or "none")
+        for own_object in objects
+    ]
     lines = [
         f"# Recogniser of {len(objects)} objects",
         "",
@@ -148,8 +151,8 @@ def _randomised(trained: TrainedOn) -> str:
     return f"{drawn}; {trained.variants} random sets of turntable and object errors per revolution" if drawn else "nothing but noise"
 
 
-def _size(one: OwnObject) -> str:
-    return " x ".join(f"{1000 * extent:.0f}" for extent in one.size_m)
+def _size(own_object: OwnObject) -> str:
+    return " x ".join(f"{1000 * extent:.0f}" for extent in own_object.size_m)
 
 
 def _paragraph(text: str) -> list[str]:

@@ -114,7 +114,7 @@ def read_objects(path: str | Path, contents: str = "filled") -> tuple[OwnObject,
     names = [entry["name"] for entry in entries]
     if len(names) < FEWEST:
         raise InputError(f"{path}: objects has {len(names)} entry; a recogniser needs at least {FEWEST} objects")
-    found = []
+    objects = []
     for index, entry in enumerate(entries):
         if not NAME.fullmatch(entry["name"]):
             rule = "a name begins with a letter or digit and has at most 60 letters, digits, spaces and _ . + -; change the name"
@@ -123,12 +123,12 @@ def read_objects(path: str | Path, contents: str = "filled") -> tuple[OwnObject,
         if entry["name"] in names[:index]:
             raise InputError(f"{where}: two objects have this name; give each object its own name")
         try:
-            found.append(_made(entry, path.parent, contents))
+            objects.append(_made(entry, path.parent, contents))
         except MissingError as error:
             raise MissingError(f"{where}: {error}") from error
         except UserError as error:
             raise InputError(f"{where}: {error}") from error
-    return tuple(sorted(_described(found, entries, path), key=lambda one: one.name))
+    return tuple(sorted(_described(objects, entries, path), key=lambda own_object: own_object.name))
 
 
 def anchors(objects: Sequence[OwnObject]) -> dict[str, NDArray[np.float32]]:
@@ -143,14 +143,14 @@ def anchors(objects: Sequence[OwnObject]) -> dict[str, NDArray[np.float32]]:
     """
     from radartwin.recognize.text import embed
 
-    texts = [one.description for one in objects]
+    texts = [own_object.description for own_object in objects]
     if not any(texts):
-        return {one.name: row for one, row in zip(objects, np.eye(len(objects), dtype=np.float32), strict=True)}
+        return {own_object.name: row for own_object, row in zip(objects, np.eye(len(objects), dtype=np.float32), strict=True)}
     for number, text in enumerate(texts):
         if text in texts[:number]:
             names = f"{objects[texts.index(text)].name} and {objects[number].name}"
             raise InputError(f"the objects {names} have the same description; describe how they differ, or leave all descriptions out")
-    return dict(zip([one.name for one in objects], embed(texts), strict=True))
+    return dict(zip([own_object.name for own_object in objects], embed(texts), strict=True))
 
 
 def _entries(path: Path) -> list[dict[str, Any]]:
@@ -178,15 +178,15 @@ def _made(entry: Mapping[str, Any], folder: Path, contents: str) -> OwnObject:
     return OwnObject(entry["name"], surfaces, height / 2, Path(entry["mesh"]).name)
 
 
-def _described(found: Sequence[OwnObject], entries: Sequence[Mapping[str, Any]], path: Path) -> list[OwnObject]:
+def _described(objects: Sequence[OwnObject], entries: Sequence[Mapping[str, Any]], path: Path) -> list[OwnObject]:
     """Return the objects with their descriptions, which all objects have or none has."""
     if not any("description" in entry for entry in entries):
-        return list(found)
+        return list(objects)
     out, known = [], catalogue_objects.catalogue()
-    for index, (one, entry) in enumerate(zip(found, entries, strict=True)):
-        text = entry.get("description") or (known[one.origin].description if "catalogue" in entry else "")
+    for index, (own_object, entry) in enumerate(zip(objects, entries, strict=True)):
+        text = entry.get("description") or (known[own_object.origin].description if "catalogue" in entry else "")
         if not text.strip():
-            where = f"{path}: objects[{index}] ({one.name})"
+            where = f"{path}: objects[{index}] ({own_object.name})"
             raise InputError(f"{where} has no description, but other objects have one; describe every object or none")
-        out.append(replace(one, description=text))
+        out.append(replace(own_object, description=text))
     return out

@@ -52,7 +52,7 @@ def read_sentence(sentence: str, scene: Scene, sensor_pose: np.ndarray | None = 
             {"role": "user", "content": f"That cannot be used: {problem}. Answer again, with the JSON alone."},
         ]
     raise BackendError(
-        f"{endpoint.model} at {endpoint.shown} gave no usable layout in {ANSWERS} answers: {problem}; write a layout file instead"
+        f"{endpoint.model} at {endpoint.public_url} gave no usable layout in {ANSWERS} answers: {problem}; write a layout file instead"
     )
 
 

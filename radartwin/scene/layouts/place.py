@@ -148,8 +148,8 @@ def _standing(body: Body, at: np.ndarray, support: Surface, scene: Scene, name: 
 
 def _tilt_deg(support: Surface, at: np.ndarray, limit_m: float) -> float:
     """Return the tilt in degrees of a supporting surface around a point (x, y); 0 if the surface is not flat around this point."""
-    turn = 2 * np.pi * np.arange(24) / 24
-    ring = TILT_RADIUS_M * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    angle = 2 * np.pi * np.arange(24) / 24
+    ring = TILT_RADIUS_M * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     points = np.vstack([share * ring for share in (0.33, 0.66, 1.0)])
     z = top_below(support.mesh, at + points, limit_m + TILT_RADIUS_M)
     known = np.isfinite(z)

@@ -46,8 +46,8 @@ def spots(support: Surface, radius_m: float, relations: Sequence[tuple[Relation,
     points = points[order]
     _, first = np.unique(points.round(3), axis=0, return_index=True)
     points = points[np.sort(first)]
-    turn = 2 * np.pi * np.arange(8) / 8
-    ring = 0.98 * radius_m * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    angle = 2 * np.pi * np.arange(8) / 8
+    ring = 0.98 * radius_m * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     for offset in (np.zeros(2), *ring):
         points = points[np.isfinite(top_below(support.mesh, points + offset))]
     return points

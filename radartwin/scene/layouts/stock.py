@@ -72,9 +72,9 @@ def from_mesh(path: str | Path, material: str | Layered, unit: str = "m", up: st
     meshes = list(read_meshes(path).values())
     if not meshes:
         raise MeshError(f"{path} holds no triangles; give a mesh, not a point cloud")
-    turn = np.eye(4)
-    turn[:3, :3] = METRES[unit] * TO_Z_UP[up]
-    moved = [mesh.copy().apply_transform(turn) for mesh in meshes]
+    transform = np.eye(4)
+    transform[:3, :3] = METRES[unit] * TO_Z_UP[up]
+    moved = [mesh.copy().apply_transform(transform) for mesh in meshes]
     low = np.min([mesh.bounds[0] for mesh in moved], axis=0)
     high = np.max([mesh.bounds[1] for mesh in moved], axis=0)
     extent = float((high - low).max())

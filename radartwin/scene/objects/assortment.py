@@ -59,11 +59,11 @@ def assortment() -> Mapping[str, tuple[Entry, ...]]:
     >>> sum(map(len, assortment().values()))
     50
     """
-    found: dict[str, list[Entry]] = {}
+    by_kind: dict[str, list[Entry]] = {}
     with SIZES.open(encoding="utf-8") as stream:
         for row in csv.DictReader(stream):
-            found.setdefault(row["kind"], []).append(_entry(row))
-    return {kind: tuple(some) for kind, some in found.items()} | {REFLECTOR_KIND: tuple(_reflectors().values())[::3]}
+            by_kind.setdefault(row["kind"], []).append(_entry(row))
+    return {kind: tuple(entries) for kind, entries in by_kind.items()} | {REFLECTOR_KIND: tuple(_reflectors().values())[::3]}
 
 
 @functools.cache
@@ -73,12 +73,12 @@ def every_object() -> Mapping[str, Entry]:
     >>> every_object()["corner_reflector_5cm"].aim_m < every_object()["corner_reflector"].aim_m
     True
     """
-    return catalogue() | _reflectors() | {entry.name: entry for some in assortment().values() for entry in some}
+    return catalogue() | _reflectors() | {entry.name: entry for entries in assortment().values() for entry in entries}
 
 
 def _reflectors() -> dict[str, Entry]:
-    some = [(leg, reflector(leg, f"corner_reflector_{100 * leg:g}cm")) for leg in OTHER_LEGS_M]
-    return {one.name: replace(one, description=f"{one.description}, with legs of {100 * leg:g} cm") for leg, one in some}
+    reflectors = [(leg, reflector(leg, f"corner_reflector_{100 * leg:g}cm")) for leg in OTHER_LEGS_M]
+    return {entry.name: replace(entry, description=f"{entry.description}, with legs of {100 * leg:g} cm") for leg, entry in reflectors}
 
 
 def _entry(row: Mapping[str, str]) -> Entry:

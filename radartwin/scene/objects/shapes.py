@@ -143,11 +143,11 @@ def flat(polygons: Sequence[Sequence[np.ndarray | Sequence[float]] | np.ndarray]
 
 def _end_normal(normals: np.ndarray, band: int, neighbour: int) -> np.ndarray:
     """Return the profile normal at an end of a band, averaged with that of the neighbour band if the profile is smooth at this end."""
-    own = normals[band]
-    if 0 <= neighbour < len(normals) and own @ normals[neighbour] > np.cos(SMOOTH_RAD):
-        own = own + normals[neighbour]
-        own = own / np.linalg.norm(own)
-    return own
+    normal = normals[band]
+    if 0 <= neighbour < len(normals) and normal @ normals[neighbour] > np.cos(SMOOTH_RAD):
+        normal = normal + normals[neighbour]
+        normal = normal / np.linalg.norm(normal)
+    return normal
 
 
 def _without_doubles(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
@@ -155,8 +155,8 @@ def _without_doubles(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     key = np.round(np.hstack([mesh.vertices, mesh.vertex_normals]), 9)
     _, first, inverse = np.unique(key, axis=0, return_index=True, return_inverse=True)
     faces = inverse.reshape(-1)[mesh.faces]
-    used, faces = np.unique(faces, return_inverse=True)
-    keep = first[used]
+    referenced, faces = np.unique(faces, return_inverse=True)
+    keep = first[referenced]
     return trimesh.Trimesh(mesh.vertices[keep], faces.reshape(-1, 3), vertex_normals=mesh.vertex_normals[keep], process=False)
 
 

@@ -147,8 +147,8 @@ def superellipse(a: float, b: float, n: float) -> np.ndarray:
     step = np.diff(fine, axis=0)
     length = np.linalg.norm(step, axis=1)
     course = np.arctan2(step[:, 1], step[:, 0])
-    turn = np.abs(np.diff(course, prepend=course[:1]))
-    share = np.concatenate([[0], np.cumsum(length / length.sum() + turn / turn.sum())]) / 2
+    bend = np.abs(np.diff(course, prepend=course[:1]))
+    share = np.concatenate([[0], np.cumsum(length / length.sum() + bend / bend.sum())]) / 2
     at = np.linspace(0, 1, QUADRANT + 1)[:-1]
     quarter = np.stack([np.interp(at, share, fine[:, k]) for k in (0, 1)], axis=1)
     half = np.concatenate([quarter, [[0.0, b]], quarter[:0:-1] * [-1, 1]])
@@ -185,8 +185,10 @@ def handle(wall_m: float, low_m: float, high_m: float, reach_m: float) -> trimes
     tangent[0], tangent[-1] = [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]
     across = np.array([0.0, 1.0, 0.0])
     inward = np.cross(tangent, across)
-    turn = 2 * np.pi * np.arange(32) / 32
-    rings = path[:, None] + (0.013 / 2) * np.cos(turn)[None, :, None] * across + (0.009 / 2) * np.sin(turn)[None, :, None] * inward[:, None]
+    angle = 2 * np.pi * np.arange(32) / 32
+    rings = (
+        path[:, None] + (0.013 / 2) * np.cos(angle)[None, :, None] * across + (0.009 / 2) * np.sin(angle)[None, :, None] * inward[:, None]
+    )
     bow = _tube(rings, path[[0, -1]])
     # the normals of vertices depend on the first corner of a face
     return smoothed(trimesh.Trimesh(bow.vertices, bow.faces[:, [1, 2, 0]], process=False))

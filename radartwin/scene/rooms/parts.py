@@ -129,9 +129,9 @@ def surface(
         seed: random seed with which the texture's bitmap is drawn.
     """
     kind = FINISHES[finish]
-    shown = picture if picture is not None else textures.textured(mesh, look or kind.look, seed)
+    textured = picture if picture is not None else textures.textured(mesh, look or kind.look, seed)
     provenance = {"source": "true", "confidence": 1.0, "stand_in": kind.stand_in, "minc": kind.minc}
-    return Surface(shown, kind.material, name, roughness_m(kind.roughness), role, provenance, correlation_m(kind.roughness))
+    return Surface(textured, kind.material, name, roughness_m(kind.roughness), role, provenance, correlation_m(kind.roughness))
 
 
 def room_scene(

@@ -54,12 +54,12 @@ def material_colours(materials: Sequence[str | Layered]) -> dict[str, RGB]:
 
     Layered materials with the same outer layer have colours of different lightness.
     """
-    used: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
     colours = {}
     for label in sorted({material_label(m) for m in materials}):
         name = label.partition(" ")[0]  # name of the outermost material
-        colours[label] = _lighter(ImageColor.getrgb(COLOURS.get(name, OTHER)), (0, -0.13, 0.1, -0.22, 0.18)[used[name] % 5])
-        used[name] += 1
+        colours[label] = _lighter(ImageColor.getrgb(COLOURS.get(name, OTHER)), (0, -0.13, 0.1, -0.22, 0.18)[counts[name] % 5])
+        counts[name] += 1
     return colours
 
 

@@ -199,6 +199,6 @@ def _note(scene: Scene, meshes: Sequence[trimesh.Trimesh], cell: float) -> str:
     dimensions = " × ".join(f"{x:.2f}" for x in size)
     note = f"{plural(len(scene), 'surface')}, {faces:,} triangles, {dimensions} m"
     if cell:
-        shown = sum(len(m.faces) for m in meshes)
-        note += f" · reduced for this page to {shown:,} triangles on a {1000 * cell:.0f} mm grid; the scene keeps all triangles"
+        page_faces = sum(len(m.faces) for m in meshes)
+        note += f" · reduced for this page to {page_faces:,} triangles on a {1000 * cell:.0f} mm grid; the scene keeps all triangles"
     return note

@@ -40,8 +40,8 @@ def nearest_faces(
     width, height = size
     face = np.full((height, width), -1, np.int32)
     depth = np.full((height, width), np.inf, np.float32) if depth is None else depth.astype(np.float32)
-    turn = pose[:3, :3].T
-    seen = triangles @ turn.T - turn @ pose[:3, 3]
+    rotation = pose[:3, :3].T
+    seen = triangles @ rotation.T - rotation @ pose[:3, 3]
     lens = np.array([intrinsics[0, 0], intrinsics[1, 1], intrinsics[0, 2], intrinsics[1, 2]])
     _draw(np.ascontiguousarray(seen), np.flatnonzero(drawn), lens, near_m, face, depth)
     depth[face < 0] = np.inf

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from radartwin.features.families import FeatureSet
 from radartwin.features.processed import Processed
 from radartwin.features.profile import FAR_M, GATE_BINS
+from radartwin.features.sets import FeatureSet
 
 
 def slope(processed: Processed, target_m: np.ndarray) -> dict[str, np.ndarray]:
@@ -16,4 +16,4 @@ def slope(processed: Processed, target_m: np.ndarray) -> dict[str, np.ndarray]:
     return {"decay_db_per_m": np.array(found)}
 
 
-DECAY = FeatureSet(families=("slope", "extent", "brightness"), own={"slope": slope}, turntable=True)
+DECAY = FeatureSet(families=("slope", "extent", "brightness"), functions={"slope": slope}, turntable=True)

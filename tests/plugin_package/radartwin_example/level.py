@@ -3,9 +3,9 @@
 import numpy as np
 
 from radartwin.builders.recording import simulate_scene
+from radartwin.features.families import vector
 from radartwin.features.log import Nominal
 from radartwin.features.processed import process
-from radartwin.features.sets import vector
 from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import save_arrays
 
