@@ -105,8 +105,8 @@ def load_capture(
                 raise RecordingError(f"{json_path}: it holds no samples; {_instead(beside)}")
         elif json_path.is_file() or not bin_path.is_file():
             recording = Recording.load(path)
-            chosen = _chosen(path, recording.num_frames, frames)
-            return recording if frames == slice(None) else recording.part(chosen)
+            indices = _frame_range(path, recording.num_frames, frames)
+            return recording if frames == slice(None) else recording.part(indices)
         bin_path = dca1000.parts(bin_path)[0]
         radar = description_beside(bin_path)
     if radar is None:
@@ -126,7 +126,7 @@ def load_capture(
         raise MissingError(f"{bin_path}: no such recording; give a .bin, a .npy cube, or the stem of a recording")
     else:
         source = _dca1000(bin_path, radar, description.layout, cut, say)
-    return _recorded(source, description, iq_swapped, _chosen(path, source.frames, frames), say)
+    return _recorded(source, description, iq_swapped, _frame_range(path, source.frames, frames), say)
 
 
 def capture_name(path: str | Path) -> str:
@@ -163,12 +163,12 @@ def description_beside(path: Path) -> Path:
     """
     if (plain := path.with_suffix(".json")).is_file() and "mmWaveDevices" in read_json(plain):
         return plain
-    found = sorted(path.parent.glob("*.mmwave.json"))
-    same = [p for p in found if p.name == f"{path.stem}.mmwave.json"]
-    if len(same or found) != 1:
-        several, none = f"{len(found)} .mmwave.json files are", f"neither {path.stem}.json nor a .mmwave.json is"
-        raise MissingError(f"{path}: {several if found else none} beside it; give the right radar file as radar (--radar)")
-    return (same or found)[0]
+    candidates = sorted(path.parent.glob("*.mmwave.json"))
+    same = [p for p in candidates if p.name == f"{path.stem}.mmwave.json"]
+    if len(same or candidates) != 1:
+        several, none = f"{len(candidates)} .mmwave.json files are", f"neither {path.stem}.json nor a .mmwave.json is"
+        raise MissingError(f"{path}: {several if candidates else none} beside it; give the right radar file as radar (--radar)")
+    return (same or candidates)[0]
 
 
 def spread_frames(frames: int) -> list[int]:
@@ -189,10 +189,10 @@ def _instead(content: dict[str, Any]) -> str:
     return f"give {name}, and {'this file' if 'mmWaveDevices' in content else radar} as radar (--radar)"
 
 
-def _chosen(path: Path, count: int, frames: slice) -> range:
-    if not (chosen := range(count)[frames]):
+def _frame_range(path: Path, count: int, frames: slice) -> range:
+    if not (indices := range(count)[frames]):
         raise RecordingError(f"{path}: it has {plural(count, 'frame')}, none of which is chosen; choose others with --frames")
-    return chosen
+    return indices
 
 
 def _recorded(source: _Source, description: Description, iq_swapped: bool | None, frames: range, say: Say) -> Recording:

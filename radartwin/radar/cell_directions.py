@@ -122,9 +122,11 @@ def cell_directions(signals: Covariance, radar: Radar, method: str, elevation: b
         cell = np.arange(len(of_row.matrix))
         azimuth_rad, share = _strongest(spectrum(of_row, at, frequency_hz)), np.ones(len(cell))
     else:
-        found = [_targets(Covariance(matrix, signals.count), at, frequency_hz, settings) for matrix in of_row.matrix]
-        cell = np.repeat(np.arange(len(found)), [len(angles) for angles, _ in found])
-        azimuth_rad, share = (np.concatenate([np.empty(0), *parts]) for parts in zip(*found, strict=True)) if found else (np.empty(0),) * 2
+        targets = [_targets(Covariance(matrix, signals.count), at, frequency_hz, settings) for matrix in of_row.matrix]
+        cell = np.repeat(np.arange(len(targets)), [len(angles) for angles, _ in targets])
+        azimuth_rad, share = (
+            (np.concatenate([np.empty(0), *parts]) for parts in zip(*targets, strict=True)) if targets else (np.empty(0),) * 2
+        )
     if not (elevation and has_elevation(radar)):
         return Directions(cell, azimuth_rad, np.full(len(cell), np.nan), share)
     uy = np.sin(azimuth_rad)
@@ -132,9 +134,9 @@ def cell_directions(signals: Covariance, radar: Radar, method: str, elevation: b
     return Directions(cell, np.arctan2(uy, _ux(uy, uz)), np.arcsin(uz), share)
 
 
-def _strongest(found: AngleSpectrum) -> Real:
+def _strongest(power_at: AngleSpectrum) -> Real:
     """Return the azimuths (N,) of the highest maxima of N spectra, interpolated by a parabola through the levels at three azimuths."""
-    power = found(unit_vectors(_AZIMUTH_RAD))
+    power = power_at(unit_vectors(_AZIMUTH_RAD))
     strongest = np.argmax(power, axis=1)
     inner = np.clip(strongest, 1, len(_AZIMUTH_RAD) - 2)
     level_db = decibels(power)
@@ -144,11 +146,11 @@ def _strongest(found: AngleSpectrum) -> Real:
 
 def _targets(signals: Covariance, positions_m: Real, frequency_hz: float, method: AngleMethod) -> tuple[Real, Real]:
     """Return the azimuths (T,) of a cell's targets and their powers over the mean power of the channels, strongest first."""
-    found = spectrum(signals, positions_m, frequency_hz, method)
-    level = found(unit_vectors(_AZIMUTH_RAD))
+    power_at = spectrum(signals, positions_m, frequency_hz, method)
+    level = power_at(unit_vectors(_AZIMUTH_RAD))
     azimuth_rad, waves = np.empty(0), np.empty((len(positions_m), 0))
     for n in maxima(level):
-        angle = np.array([_zoom(found, n)])
+        angle = np.array([_zoom(power_at, n)])
         wave = response(positions_m, unit_vectors(angle), frequency_hz)
         if np.abs(waves.conj().T @ wave).max(initial=0) <= PARALLEL * len(positions_m):
             azimuth_rad, waves = np.append(azimuth_rad, angle), np.append(waves, wave, axis=1)
@@ -170,12 +172,12 @@ def maxima(level: Real) -> NDArray[np.intp]:
     return at[np.argsort(-level[at], kind="stable")]
 
 
-def _zoom(found: AngleSpectrum, index: int) -> float:
+def _zoom(power_at: AngleSpectrum, index: int) -> float:
     """Refine the azimuth of a maximum on the grid to 0.002 degrees, because the peaks of MUSIC can be very narrow."""
     low, high = _AZIMUTH_RAD[max(index - 1, 0)], _AZIMUTH_RAD[min(index + 1, len(_AZIMUTH_RAD) - 1)]
     fine = np.linspace(low, high, _ZOOM_POINTS)
     for _ in range(_ZOOMS):
-        best = int(np.argmax(found(unit_vectors(fine))))
+        best = int(np.argmax(power_at(unit_vectors(fine))))
         middle = fine[best]
         fine = np.linspace(fine[max(best - 1, 0)], fine[min(best + 1, _ZOOM_POINTS - 1)], _ZOOM_POINTS)
     return float(middle)

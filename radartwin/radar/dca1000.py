@@ -63,11 +63,11 @@ def parts(capture: Path) -> list[Path]:
     if capture.suffix != ".bin" or not (part := _PART.fullmatch(capture.stem)):
         return [capture]
     prefix, paths = part[1], capture.parent.glob("*.bin")
-    found = {int(match[2]): path for path in paths if (match := _PART.fullmatch(path.stem)) and match[1] == prefix}
-    for number in range(max(found) + 1):
-        if number not in found:
-            raise MissingError(f"{capture.parent}: {prefix}_Raw_{number}.bin is missing, and there are parts up to {max(found)}; copy it")
-    return [found[number] for number in sorted(found)]
+    files = {int(match[2]): path for path in paths if (match := _PART.fullmatch(path.stem)) and match[1] == prefix}
+    for number in range(max(files) + 1):
+        if number not in files:
+            raise MissingError(f"{capture.parent}: {prefix}_Raw_{number}.bin is missing, and there are parts up to {max(files)}; copy it")
+    return [files[number] for number in sorted(files)]
 
 
 def with_card_settings(layout: Layout, folder: Path) -> tuple[Layout, bool]:

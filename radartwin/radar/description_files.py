@@ -46,8 +46,8 @@ def read_description(path: Path, board: str | None = None) -> Description:
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from error
     if "configUsed" in source and "capturedFiles" in source:
-        used = re.split(r"[/\\]", str(source["configUsed"]))[-1]
-        raise RecordingError(f"{path}: it is the setup file of a capture and names no waveform; give {used}, which it names, as radar")
+        config = re.split(r"[/\\]", str(source["configUsed"]))[-1]
+        raise RecordingError(f"{path}: it is the setup file of a capture and names no waveform; give {config}, which it names, as radar")
     if board is not None:
         raise RecordingError(f"{path}: it gives the antenna positions, so that board {board} cannot apply; leave out --board")
     fields = source.get("radar", source)

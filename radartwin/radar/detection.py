@@ -112,21 +112,21 @@ def _covariance(block: Complex, cells: PeakCells, radar: Radar) -> Covariance:
     remaining velocity, which is the velocity of the peak minus the velocity of the bin.
     """
     residual_hz = 2 * cells.residual_mps * radar.center_frequency_hz / SPEED_OF_LIGHT
-    turn = np.exp(-2j * np.pi * residual_hz[:, None] * radar.chirp_times()[0])
+    phasor = np.exp(-2j * np.pi * residual_hz[:, None] * radar.chirp_times()[0])
     snapshots = block[:, cells.doppler, :, :, cells.range]  # (cell, frame, tx, rx), NumPy's order for separated indices
-    return covariance((snapshots * turn[:, None, :, None]).reshape(len(cells), len(block), radar.num_tx * radar.num_rx))
+    return covariance((snapshots * phasor[:, None, :, None]).reshape(len(cells), len(block), radar.num_tx * radar.num_rx))
 
 
 def _peaks(cells: PeakCells, signals: Covariance, radar: Radar, angle: str, elevation: bool) -> Peaks:
     """Return the peaks of cells whose covariance matrices over the channels are given. A cell with two targets gives two peaks."""
-    found = cell_directions(signals, radar, angle, elevation)
-    cell = found.cell
+    directions = cell_directions(signals, radar, angle, elevation)
+    cell = directions.cell
     peaks = Peaks(
         range_m=cells.range_m[cell],
         velocity_mps=cells.velocity_mps[cell] if radar.num_chirps > 1 else np.full(len(cell), np.nan),
-        azimuth_rad=found.azimuth_rad,
-        elevation_rad=found.elevation_rad,
-        power=cells.power[cell] * found.share,
+        azimuth_rad=directions.azimuth_rad,
+        elevation_rad=directions.elevation_rad,
+        power=cells.power[cell] * directions.share,
         noise=cells.noise[cell],
     )
     order = np.argsort(-peaks.power, kind="stable")

@@ -67,8 +67,8 @@ def process_capture(
     if out is None:
         return table
     unit = "dB of one squared ADC count" if recording.in_counts else "dB of transmitted power"
-    shown = {"range_time": True, "range_doppler": radar.num_chirps > 1, "range_azimuth": radar.num_tx * radar.num_rx > 1}
-    pictures = {name: Path(out) / f"{name}.png" for name, possible in shown.items() if possible}
+    has_map = {"range_time": True, "range_doppler": radar.num_chirps > 1, "range_azimuth": radar.num_tx * radar.num_rx > 1}
+    pictures = {name: Path(out) / f"{name}.png" for name, possible in has_map.items() if possible}
     points_file, peaks_file = Path(out) / POINTS_FILE, Path(out) / PEAKS_FILE
     with files.replacing_together([*pictures.values(), points_file, peaks_file]) as temporary:
         for name, picture in pictures.items():
@@ -103,8 +103,8 @@ def _draw(maps: PowerMaps, name: str, peaks: Peaks, unit: str, title: str) -> Fi
     with matplotlib.rc_context(style.style()):
         figure, axes = style.figure(height_in=4.6)
         xlim, ylim = style.pixel_edges(across), style.pixel_edges(maps.range_m)
-        shown = {"origin": "lower", "aspect": "auto", "interpolation": "nearest", "cmap": style.SEQUENTIAL}
-        image = axes.imshow(level_db.T, extent=(*xlim, *ylim), vmin=top - _DYNAMIC_RANGE_DB, vmax=top, **shown)
+        options = {"origin": "lower", "aspect": "auto", "interpolation": "nearest", "cmap": style.SEQUENTIAL}
+        image = axes.imshow(level_db.T, extent=(*xlim, *ylim), vmin=top - _DYNAMIC_RANGE_DB, vmax=top, **options)
         if marks is not None and len(peaks):
             axes.plot(marks, peaks.range_m, "o", mfc="none", mec="white", ms=6, mew=0.9, alpha=0.8)
         axes.set(xlabel=label, ylabel="range (m)", title=title, xlim=xlim, ylim=ylim)

@@ -40,9 +40,9 @@ def hann(size: int) -> Real:
 
 def range_axis(radar: Radar, bins: int) -> Real:
     """Return the centres of the range bins of range_fft in metres, shape (bins,), or (bins // 2,) for real sampling."""
-    used = bins // 2 if radar.real_sampling else bins
+    count = bins // 2 if radar.real_sampling else bins
     fold_m = radar.sample_rate_hz * SPEED_OF_LIGHT / (2 * radar.slope_hz_per_s)
-    return fold_m / bins * np.arange(used, dtype=np.float64)
+    return fold_m / bins * np.arange(count, dtype=np.float64)
 
 
 def velocity_axis(radar: Radar, bins: int) -> Real:
@@ -98,8 +98,8 @@ def doppler_fft(profiles: Complex, radar: Radar, *, bins: int | None = None) -> 
     velocity_mps = velocity_axis(radar, bins)
     doppler_hz = 2 * velocity_mps * radar.center_frequency_hz / SPEED_OF_LIGHT
     delay_s = radar.chirp_times()[0]
-    turn = np.exp(-2j * np.pi * doppler_hz[:, None] * delay_s).astype(spectra.dtype)
-    return spectra * turn[:, :, None, None], velocity_mps
+    phasor = np.exp(-2j * np.pi * doppler_hz[:, None] * delay_s).astype(spectra.dtype)
+    return spectra * phasor[:, :, None, None], velocity_mps
 
 
 def azimuth_row(radar: Radar) -> NDArray[np.intp]:

@@ -93,8 +93,8 @@ class Recording:
 
     def part(self, frames: range) -> Recording:
         """Return a recording of consecutive frames of this recording."""
-        poses, chosen = self.sensor_poses, slice(frames.start, frames.stop)
-        return replace(self, iq=self.iq[chosen], sensor_poses=poses[chosen] if poses is not None and len(poses) > 1 else poses)
+        poses, selection = self.sensor_poses, slice(frames.start, frames.stop)
+        return replace(self, iq=self.iq[selection], sensor_poses=poses[selection] if poses is not None and len(poses) > 1 else poses)
 
     def frame_blocks(self, block_bytes: int = _BLOCK_BYTES) -> Iterator[slice]:
         """Yield slices of consecutive frames, each with about `block_bytes` of samples.
@@ -210,10 +210,10 @@ def refuse_foreign(path: str | Path) -> None:
     bin_path, json_path = recording_files(path)
     if bin_path.exists() or json_path.exists():
         try:
-            ours = json.loads(json_path.read_text(encoding="utf-8"))["format"].startswith(_FORMAT.rstrip("0123456789"))
+            is_recording = json.loads(json_path.read_text(encoding="utf-8"))["format"].startswith(_FORMAT.rstrip("0123456789"))
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
-            ours = False
-        if not ours:
+            is_recording = False
+        if not is_recording:
             raise OutputError(f"{bin_path} or {json_path.name} exists and is no recording of RadarTwin; choose another name")
 
 

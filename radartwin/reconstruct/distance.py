@@ -61,16 +61,16 @@ def covered(triangles: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.nda
     steps = np.maximum(np.ceil(longest / spacing_m).astype(int), 1)
     points, faces = [np.zeros((0, 3))], [np.zeros(0, dtype=np.int64)]
     for n in np.unique(steps):
-        chosen = np.flatnonzero(steps == n)
+        group = np.flatnonzero(steps == n)
         if n == 1:
-            points.append(triangles[chosen].mean(axis=1))
-            faces.append(chosen)
+            points.append(triangles[group].mean(axis=1))
+            faces.append(group)
             continue
         u, v = np.meshgrid(np.arange(n + 1), np.arange(n + 1))
         inside = u + v <= n
         weights = np.stack([n - u[inside] - v[inside], u[inside], v[inside]], axis=1) / n
-        points.append((weights @ triangles[chosen]).reshape(-1, 3))
-        faces.append(np.repeat(chosen, len(weights)))
+        points.append((weights @ triangles[group]).reshape(-1, 3))
+        faces.append(np.repeat(group, len(weights)))
     return np.vstack(points), np.concatenate(faces)
 
 
@@ -80,15 +80,15 @@ def spread(mesh: trimesh.Trimesh, spacing_m: float) -> tuple[np.ndarray, np.ndar
     area = np.asarray(mesh.area_faces) / np.maximum(np.bincount(face, minlength=len(mesh.faces)), 1)
     total = np.cumsum(area[face])
     count = max(1, round(total[-1] / spacing_m**2)) if len(total) else 0
-    chosen = np.searchsorted(total, (np.arange(count) + 0.5) / max(count, 1) * (total[-1] if len(total) else 0.0))
-    return points[chosen], face[chosen]
+    sample = np.searchsorted(total, (np.arange(count) + 0.5) / max(count, 1) * (total[-1] if len(total) else 0.0))
+    return points[sample], face[sample]
 
 
 def farthest_points(points: np.ndarray, count: int, first: int = 0) -> list[int]:
     """Select `count` of the points (N, D) far apart by farthest-point sampling from point number `first`, and return their indices."""
-    chosen = [first]
+    indices = [first]
     distance = np.linalg.norm(points - points[first], axis=1)
-    while len(chosen) < min(count, len(points)):
-        chosen.append(int(distance.argmax()))
-        distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
-    return chosen
+    while len(indices) < min(count, len(points)):
+        indices.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.linalg.norm(points - points[indices[-1]], axis=1))
+    return indices

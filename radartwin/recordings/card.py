@@ -42,10 +42,10 @@ class Card:
     def problems(self) -> list[str]:
         """Return one line of text for each missing or invalid value of the data card."""
         hints = {"licence": "; give the licence of the recordings, such as CC-BY-4.0 or private", "units": f"; one of {', '.join(UNITS)}"}
-        found = [f"{key} is missing{hints.get(key, '')}" for key in KEYS if key != "notes" and not getattr(self, key)]
+        problems = [f"{key} is missing{hints.get(key, '')}" for key in KEYS if key != "notes" and not getattr(self, key)]
         if self.units and self.units not in UNITS:
-            found.append(f"units {self.units!r} are unknown; choose {' or '.join(UNITS)}")
-        return found
+            problems.append(f"units {self.units!r} are unknown; choose {' or '.join(UNITS)}")
+        return problems
 
     def values(self) -> dict[str, Any]:
         """Return the data card as a mapping, from which `of` makes an equal data card."""

@@ -42,10 +42,10 @@ class Report:
 
     def counts(self, column: str) -> Counter[str]:
         """Count how many rows of the index have each value in a column."""
-        found = Counter(row.value(column) for row in self.rows)
+        tally = Counter(row.value(column) for row in self.rows)
         number = column == "distance_m"
-        keys = sorted(found, key=lambda value: (value is None, value))
-        return Counter({("unknown" if key is None else f"{key:g} m") if number else str(key): found[key] for key in keys})
+        keys = sorted(tally, key=lambda value: (value is None, value))
+        return Counter({("unknown" if key is None else f"{key:g} m") if number else str(key): tally[key] for key in keys})
 
 
 def examine(folder: str | Path, progress: Progress | None = None) -> Report:

@@ -63,31 +63,31 @@ class Row:
 
     def problems(self) -> list[str]:
         """Return one line of text for each invalid value of the row."""
-        found = []
+        problems = []
         if not _NAME.fullmatch(self.recording) or self.recording.endswith((".bin", ".json")):
-            found.append(f"recording {self.recording!r} must be a file name without suffix, of letters, digits, '.', '_' and '-'")
+            problems.append(f"recording {self.recording!r} must be a file name without suffix, of letters, digits, '.', '_' and '-'")
         for column in ("object", "room"):
             if not _LABEL.fullmatch(self.value(column)):
-                found.append(f"{column} {self.value(column)!r} must be a word of letters, digits, '_' and '-'")
+                problems.append(f"{column} {self.value(column)!r} must be a word of letters, digits, '_' and '-'")
         if self.distance_m is None and self.motion in RANGED:
-            found.append(f"distance_m is empty, but motion {self.motion} has a distance; fill it in")
+            problems.append(f"distance_m is empty, but motion {self.motion} has a distance; fill it in")
         if self.distance_m is not None and not 0 < self.distance_m < math.inf:
-            found.append(f"distance_m {self.distance_m} must be above zero and finite")
+            problems.append(f"distance_m {self.distance_m} must be above zero and finite")
         for column, known in (("motion", MOTIONS), ("split", SPLITS)):
             if self.value(column) not in known:
-                found.append(f"{column} {self.value(column)!r} is unknown; choose {', '.join(filter(None, known))}")
+                problems.append(f"{column} {self.value(column)!r} is unknown; choose {', '.join(filter(None, known))}")
         if self.repetition < 0:
-            found.append(f"repetition {self.repetition} must be zero or above")
+            problems.append(f"repetition {self.repetition} must be zero or above")
         if self.trajectory and (self.trajectory in (".", "..") or re.search(r"[/\\]", self.trajectory)):
-            found.append(f"trajectory {self.trajectory!r} must be a file inside trajectories/")
+            problems.append(f"trajectory {self.trajectory!r} must be a file inside trajectories/")
         if clash := set(self.extra) & set(COLUMNS):
-            found.append(f"extra holds the column {min(clash)}, which has its own field")
+            problems.append(f"extra holds the column {min(clash)}, which has its own field")
         try:
             if not math.isfinite(self.start_s):
                 raise ValueError
         except ValueError:
-            found.append(f"start_s {self.extra['start_s']!r} must be a finite number of seconds")
-        return found
+            problems.append(f"start_s {self.extra['start_s']!r} must be a finite number of seconds")
+        return problems
 
     @property
     def start_s(self) -> float:
@@ -98,19 +98,19 @@ class Row:
 def row_of(values: Mapping[str, Any]) -> Row:
     """Make an index row from a mapping of column names to texts. Raise InputError with one line of text that names the problems."""
     text = {str(key): "" if value is None else str(value).strip() for key, value in values.items()}
-    found = [f"column {column} is missing" for column in REQUIRED if column not in text]
+    problems = [f"column {column} is missing" for column in REQUIRED if column not in text]
     numbers: dict[str, Any] = {}
     for column, kind, empty, what in (("distance_m", float, None, "a number of metres"), ("repetition", int, 0, "a whole number")):
         try:
             numbers[column] = kind(text[column]) if text.get(column) else empty
         except ValueError:
-            found.append(f"{column} {text[column]!r} is not {what}")
-    if not found:
+            problems.append(f"{column} {text[column]!r} is not {what}")
+    if not problems:
         words = {column: text.get(column, "") for column in COLUMNS if column not in numbers}
         row = Row(**words, **numbers, extra={key: value for key, value in text.items() if key not in COLUMNS and value})
-        if not (found := row.problems()):
+        if not (problems := row.problems()):
             return row
-    raise InputError("; ".join(found))
+    raise InputError("; ".join(problems))
 
 
 def read_index(path: Path) -> tuple[list[Row], list[str]]:
@@ -127,25 +127,25 @@ def read_index(path: Path) -> tuple[list[Row], list[str]]:
         separated = "; separate the columns by commas" if len(header) == 1 else ""
         return [], [f"line 1: it has no column {', '.join(missing)}{separated}"]
     rows: list[Row] = []
-    found: list[str] = []
+    problems: list[str] = []
     names: dict[str, int] = {}
     conditions: dict[tuple[Any, ...], int] = {}
     for number, values in lines:
         if len(values) != len(header):
-            found.append(f"line {number}: it has {len(values)} values for {len(header)} columns")
+            problems.append(f"line {number}: it has {len(values)} values for {len(header)} columns")
             continue
         try:
             row = row_of(dict(zip(header, values, strict=True)))
         except InputError as error:
-            found.append(f"line {number}: {error}")
+            problems.append(f"line {number}: {error}")
             continue
         if (first := names.setdefault(row.recording.casefold(), number)) != number:
-            found.append(f"line {number}: recording {row.recording} is already in line {first}")
+            problems.append(f"line {number}: recording {row.recording} is already in line {first}")
             continue
         if (first := conditions.setdefault(row.condition, number)) != number:
-            found.append(f"line {number}: it repeats line {first} ({describe(row)}); give each row its own repetition number")
+            problems.append(f"line {number}: it repeats line {first} ({describe(row)}); give each row its own repetition number")
         rows.append(row)
-    return rows, found
+    return rows, problems
 
 
 def index_text(rows: Iterable[Row]) -> str:

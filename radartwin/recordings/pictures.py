@@ -46,14 +46,14 @@ def read_pictures(folder: Path) -> list[Picture]:
     """
     if not folder.is_dir():
         raise MissingError(f"{folder}: no such folder of pictures; give a folder with files such as 0.100.jpg")
-    found = [
+    pictures = [
         Picture(path, nanoseconds(path.stem, str(path)), kind)
         for path in folder.iterdir()
         if (kind := KINDS.get(path.suffix.lower())) and path.is_file()
     ]
-    if not found:
+    if not pictures:
         raise MissingError(f"{folder}: no picture in this folder; give files named by their time in seconds, such as 0.100.jpg")
-    return sorted(found, key=lambda picture: (picture.time_ns, picture.path.name))
+    return sorted(pictures, key=lambda picture: (picture.time_ns, picture.path.name))
 
 
 def nanoseconds(text: str, what: str) -> int:

@@ -65,9 +65,9 @@ class RecordingSet:
         """
         folder, card = Path(folder), Card.of(card.values())  # convert the values to text, as `load` does
         if (folder / CARD).exists():
-            found = cls.load(folder)
-            if found.card != card:
-                keys = [key for key, value in vars(card).items() if getattr(found.card, key) != value]
+            existing = cls.load(folder)
+            if existing.card != card:
+                keys = [key for key, value in vars(card).items() if getattr(existing.card, key) != value]
                 raise RecordingError(f"{folder / CARD}: the card differs in {', '.join(keys)}; choose another folder, or the same card")
         else:
             if folder.is_dir() and any(not path.name.startswith(".") for path in folder.iterdir()):

@@ -81,28 +81,28 @@ def read_trace(
     if not cut and (stored.rest or len(times) < stored.frames):
         raise RecordingError(f"{stored.leftover(radar)}, and {folder / 'ts'} holds {len(times)} times; drop the end with --cut")
     notes = [f"the last frame is incomplete and dropped ({stored.rest} of {stored.frame_bytes} bytes)"] if stored.rest else []
-    chosen, poses = np.arange(min(stored.frames, len(times)))[frames], None
+    indices, poses = np.arange(min(stored.frames, len(times)))[frames], None
     if (path := trace / "_radar" / "pose.npz").is_file():
         mask, poses = _poses(path, len(times))
-        posed = chosen[mask[chosen]]
-        if left_out := len(chosen) - len(posed):
-            notes.append(f"{left_out} of {len(chosen)} frames have no pose and are left out")
-        chosen, poses = posed, poses[np.cumsum(mask)[posed] - 1]
-    if not len(chosen) or np.any(np.diff(chosen) != 1):
-        what = "no frame is left" if not len(chosen) else "the frames with a pose are not contiguous"
+        posed = indices[mask[indices]]
+        if left_out := len(indices) - len(posed):
+            notes.append(f"{left_out} of {len(indices)} frames have no pose and are left out")
+        indices, poses = posed, poses[np.cumsum(mask)[posed] - 1]
+    if not len(indices) or np.any(np.diff(indices) != 1):
+        what = "no frame is left" if not len(indices) else "the frames with a pose are not contiguous"
         raise RecordingError(f"{channel}: {what} of {stored.frames}; choose other frames with --frames")
-    if gaps := int(np.sum(np.diff(times[chosen]) > _GAP / radar.frame_rate_hz)):
+    if gaps := int(np.sum(np.diff(times[indices]) > _GAP / radar.frame_rate_hz)):
         notes.append(f"frames are missing at {gaps} places, where the times have gaps")
-    columns = {"started": datetime.fromtimestamp(float(times[chosen[0]]), UTC).isoformat(timespec="seconds")}
+    columns = {"started": datetime.fromtimestamp(float(times[indices[0]]), UTC).isoformat(timespec="seconds")}
     if (folder / "valid").is_file():
         valid = np.pad(np.fromfile(present(folder / "valid"), "u1"), (0, stored.frames))  # a frame without a value counts as incomplete
-        lost = int(np.count_nonzero(valid[chosen] == 0))
+        lost = int(np.count_nonzero(valid[indices] == 0))
         columns["lost_packets"] = str(lost)  # each of these frames lacks at least one packet
-        notes += [f"{lost} of {len(chosen)} frames have lost packets, which are zeros"] if lost else []
-    iq = gathered(channel, range(int(chosen[0]), int(chosen[-1]) + 1), stored.shape, stored.samples)
+        notes += [f"{lost} of {len(indices)} frames have lost packets, which are zeros"] if lost else []
+    iq = gathered(channel, range(int(indices[0]), int(indices[-1]) + 1), stored.shape, stored.samples)
     provenance = {
         "source": f"{trace.resolve().name}/{folder.name}/{channel.name}", "unit": "counts", "format": "roverd",
-        "first_frame": int(chosen[0]), "band_edge_db": round(band_edge_db(iq[0]), 1),
+        "first_frame": int(indices[0]), "band_edge_db": round(band_edge_db(iq[0]), 1),
     }  # fmt: skip
     return Recording(iq, radar, poses, scale=1.0, iq_swapped=swapped, provenance=provenance), columns, notes
 

@@ -255,8 +255,8 @@ def mover_paths(mover: Body, others: Sequence[Body], radar: Radar, sensor_poses:
     frames = slice(1) if poses_module.at_rest(sensor_poses, mover.poses, *(body.poses for body in others)) else slice(None)
     sensor, velocity = poses_module.relative(sensor_poses[frames], mover.poses[frames], radar.frame_rate_hz)
     obstacles = [_obstacle(body, mover.poses, frames) for body in others]
-    found = paths(cloud(mover.surfaces, mover.geometry), strengths(mover.surfaces, radar), mover.geometry, radar, sensor, velocity)
-    return found.where(~visibility.hidden(found, sensor, obstacles))
+    scattered = paths(cloud(mover.surfaces, mover.geometry), strengths(mover.surfaces, radar), mover.geometry, radar, sensor, velocity)
+    return scattered.where(~visibility.hidden(scattered, sensor, obstacles))
 
 
 def _obstacle(body: Body, poses: np.ndarray, frames: slice) -> visibility.Occluder:

@@ -206,7 +206,7 @@ def _built(contents: Sequence[tuple[np.ndarray, np.ndarray]]) -> Geometry:
         corners.append(np.asarray(clean.triangles, float))
         normal, patches = _smooth(clean)
         normals.append(normal)
-        patch.append(patches + sum(len(one) for one in patch))
+        patch.append(patches + sum(len(ids) for ids in patch))
         surface.append(np.full(len(clean.faces), index))
         hollow.append(np.full(len(clean.faces), _hollow_m(clean)))
     if not corners:

@@ -141,10 +141,10 @@ def _add(
             extra = length_in[n] - mean[row, 6] + length_out[n] - mean[row, 7] + middle_s * (rate[n] - mean[row, 8])
             share = gain[n] / mean[row, 9] if mean[row, 9] > 0 else 1.0
             middle = extra * wavenumber[nodes // 2]
-            turn = share * complex(math.cos(middle), math.sin(middle))
+            phasor = share * complex(math.cos(middle), math.sin(middle))
             for q in range(nodes):
                 x = extra * (wavenumber[q] - wavenumber[nodes // 2])
                 z = x * x
                 cosine = 1 - z * (1 / 2) * (1 - z * (1 / 12) * (1 - z * (1 / 30) * (1 - z * (1 / 56) * (1 - z * (1 / 90)))))
                 sine = x * (1 - z * (1 / 6) * (1 - z * (1 / 20) * (1 - z * (1 / 42) * (1 - z * (1 / 72)))))
-                amplitude_to[row, q] += amplitude[n, q] * (turn * complex(cosine, sine))
+                amplitude_to[row, q] += amplitude[n, q] * (phasor * complex(cosine, sine))

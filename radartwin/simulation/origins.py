@@ -81,12 +81,12 @@ def last_surfaces(scene: Scene, paths: Paths, sensor_pose: np.ndarray) -> np.nda
     The index is -1 if no surface is within ON_SURFACE_M of the last hit.
     """
     points = sensor_pose[:3, 3] + (paths.arrival * paths.length_out_m[:, None]) @ sensor_pose[:3, :3].T
-    nearest, found = np.full(len(points), ON_SURFACE_M), np.full(len(points), -1)
+    nearest, surfaces = np.full(len(points), ON_SURFACE_M), np.full(len(points), -1)
     for index, surface in enumerate(scene):
         away = distances_m(surface.mesh, points, ON_SURFACE_M)
         closer = away < nearest
-        nearest[closer], found[closer] = away[closer], index
-    return found
+        nearest[closer], surfaces[closer] = away[closer], index
+    return surfaces
 
 
 def distances_m(mesh: trimesh.Trimesh, points: np.ndarray, within_m: float) -> np.ndarray:
@@ -100,7 +100,7 @@ def distances_m(mesh: trimesh.Trimesh, points: np.ndarray, within_m: float) -> n
     centres = triangles.mean(axis=1)
     radii = np.linalg.norm(triangles - centres[:, None], axis=2).max(axis=1) + within_m
     near = KDTree(points[inside]).query_ball_point(centres, radii)
-    triangle = np.repeat(np.arange(len(triangles)), [len(some) for some in near])
+    triangle = np.repeat(np.arange(len(triangles)), [len(rows) for rows in near])
     row = inside[np.concatenate(near).astype(int)]
     closest = trimesh.triangles.closest_point(triangles[triangle], points[row])
     np.minimum.at(nearest, row, np.linalg.norm(closest - points[row], axis=1))

@@ -75,17 +75,17 @@ class Paths:
             if keep.all():
                 return self
             keep = np.flatnonzero(keep)
-        chosen = {f.name: getattr(self, f.name) for f in fields(self)}
-        for name, value in chosen.items():
+        columns = {f.name: getattr(self, f.name) for f in fields(self)}
+        for name, value in columns.items():
             if name not in ("poses", "frequencies_hz") and value is not None:
-                chosen[name] = value[keep] if isinstance(keep, slice) else np.take(value, keep, axis=0)
-        return Paths(**chosen)
+                columns[name] = value[keep] if isinstance(keep, slice) else np.take(value, keep, axis=0)
+        return Paths(**columns)
 
     def frames(self, start: int, stop: int) -> "Paths":
         """Return the paths of the sensor poses `start` to `stop` - 1, and number these poses from zero."""
         low, high = np.searchsorted(self.pose, (start, stop))
-        chosen = self.where(slice(low, high))
-        return replace(chosen, poses=stop - start, pose=chosen.pose - start)
+        part = self.where(slice(low, high))
+        return replace(part, poses=stop - start, pose=part.pose - start)
 
     @staticmethod
     def concatenate(parts: Sequence["Paths"]) -> "Paths":
@@ -125,11 +125,11 @@ def made_once(
     digests = {name: array_digest(array) for name, array in arrays.items()}
     key = spec_digest({"spec": spec, "arrays": digests, "source": source_digest(["radartwin.simulation"])})
     cache = array_cache.shared()
-    found = cache.get(key, read)
-    if found is None:
-        found = make()
-        cache.put(key, write(found))
-    return found
+    result = cache.get(key, read)
+    if result is None:
+        result = make()
+        cache.put(key, write(result))
+    return result
 
 
 def to_arrays(parts: Sequence[Paths]) -> dict[str, np.ndarray]:

@@ -91,9 +91,9 @@ def _advanced(poses: np.ndarray, share: float) -> np.ndarray:
     following = np.concatenate([poses[1:], poses[-1:]])
     before = poses.copy()
     following[-1], before[-1] = poses[-1], poses[-2]
-    turn = Rotation.from_matrix(np.swapaxes(before[:, :3, :3], 1, 2) @ following[:, :3, :3]).as_rotvec()
+    rotation = Rotation.from_matrix(np.swapaxes(before[:, :3, :3], 1, 2) @ following[:, :3, :3]).as_rotvec()
     out = poses.copy()
-    out[:, :3, :3] = poses[:, :3, :3] @ Rotation.from_rotvec(share * turn).as_matrix()
+    out[:, :3, :3] = poses[:, :3, :3] @ Rotation.from_rotvec(share * rotation).as_matrix()
     out[:, :3, 3] += share * (following[:, :3, 3] - before[:, :3, 3])
     return out
 
@@ -119,7 +119,7 @@ def moments(*poses: np.ndarray) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarra
     """Return the poses (F, 4, 4) at the start of each frame, and the poses (F, 4, 4) that follow MOMENT frame periods after the start of
     each frame.
     """
-    return poses, tuple(_advanced(one, MOMENT) for one in poses)
+    return poses, tuple(_advanced(track, MOMENT) for track in poses)
 
 
 def rigid_groups(motion: Mapping[str, np.ndarray]) -> list[list[str]]:

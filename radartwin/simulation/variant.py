@@ -92,8 +92,8 @@ def activate(preference: str = "auto", color: str = "rgb") -> str:
         library = find_llvm()
         if library is None:
             explicit = os.environ.get("DRJIT_LIBLLVM_PATH")
-            found = f"DRJIT_LIBLLVM_PATH={explicit} is too old or unreadable" if explicit else "no LLVM >= 17 found"
-            raise BackendError(f"CPU tracing: {found}; {REMEDY}")
+            cause = f"DRJIT_LIBLLVM_PATH={explicit} is too old or unreadable" if explicit else "no LLVM >= 17 found"
+            raise BackendError(f"CPU tracing: {cause}; {REMEDY}")
         os.environ["DRJIT_LIBLLVM_PATH"] = str(library)
     import mitsuba as mi
 

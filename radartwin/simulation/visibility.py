@@ -57,8 +57,8 @@ def hidden(paths: Paths, sensor: np.ndarray, obstacles: Sequence[Occluder]) -> n
     """
     out = np.zeros(len(paths), bool)
     for first in range(0, len(paths), LANES):
-        some = slice(first, first + LANES)
-        out[some] = _blocked(paths.pose[some], paths.departure[some], paths.length_in_m[some], sensor, obstacles)
+        block = slice(first, first + LANES)
+        out[block] = _blocked(paths.pose[block], paths.departure[block], paths.length_in_m[block], sensor, obstacles)
     return out
 
 
@@ -74,8 +74,8 @@ def negated(paths: Paths, sensor: np.ndarray, obstacles: Sequence[Occluder]) -> 
         blocked = _blocked(frame, paths.departure[row], paths.length_in_m[row], sensor, obstacles)
         parts.append((frame[blocked], row[blocked]))
     frame, row = (np.concatenate(column) for column in zip(*parts, strict=True))
-    chosen = paths.where(row)
-    return replace(chosen, poses=len(sensor), pose=frame, amplitude=-chosen.amplitude)
+    copies = paths.where(row)
+    return replace(copies, poses=len(sensor), pose=frame, amplitude=-copies.amplitude)
 
 
 def pairs(paths: Paths, frames: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
@@ -87,8 +87,8 @@ def pairs(paths: Paths, frames: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         return
     step = max(1, LANES // max(len(paths), 1))
     for first in range(0, frames, step):
-        some = np.arange(first, min(first + step, frames))
-        yield np.repeat(some, len(paths)), np.tile(np.arange(len(paths)), len(some))
+        block = np.arange(first, min(first + step, frames))
+        yield np.repeat(block, len(paths)), np.tile(np.arange(len(paths)), len(block))
 
 
 def _blocked(
@@ -97,9 +97,9 @@ def _blocked(
     """Return a mask (N,) of the lines from the sensor, of directions (N, 3) in the sensor frame, that an obstacle blocks."""
     out = np.zeros(len(frame), bool)
     for obstacle in obstacles:
-        turn = obstacle.rotation @ sensor[:, :3, :3]
-        place = np.einsum("fij,fj->fi", np.broadcast_to(obstacle.rotation, turn.shape), sensor[:, :3, 3]) + obstacle.translation
-        along = np.einsum("nij,nj->ni", turn[frame], direction)
+        rotation = obstacle.rotation @ sensor[:, :3, :3]
+        place = np.einsum("fij,fj->fi", np.broadcast_to(obstacle.rotation, rotation.shape), sensor[:, :3, 3]) + obstacle.translation
+        along = np.einsum("nij,nj->ni", rotation[frame], direction)
         # Only lines through the sphere around the obstacle need a ray.
         across = obstacle.geometry.centre - place[frame]
         nearest = np.clip(np.einsum("ni,ni->n", across, along), 0, distance)

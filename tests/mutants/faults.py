@@ -87,7 +87,7 @@ delayed | 2j * np.pi * at_hz | 0j * at_hz | the delay of a pane turns the phase 
 
 simulation/flat/field: physics/test_crossing
 edge_terms | shadow * jump[0] | shadow | the edge of a pane casts the shadow of an opaque sheet
-travelled | max(crossed(walls.tree, at, to, walls.opaque, found), 0) | 0 | panes do not weaken the paths of rooms
+travelled | max(crossed(walls.tree, at, to, walls.opaque, pane_ids), 0) | 0 | panes do not weaken the paths of rooms
 
 simulation/diffuse: physics/test_diffuse
 _returns | 4 * np.pi * away | 8 * np.pi * away | scattered power is 6 dB low
@@ -96,11 +96,11 @@ _block | -2 | -1 | half the Doppler shift of diffuse echoes
 scattered_share | 1 - coherent**2 | 1 - coherent | roughness removes more power than it scatters
 _on_faces | upto[-1] / count / 2 | upto[-1] / count | each scatterer represents twice its area
 _returns | narrow * (low + part * (high - low)) | low + part * (high - low) | a wider lobe keeps its peak
-mover_paths | ~visibility.hidden(found, sensor, obstacles) | slice(None) | other bodies do not hide scatterers of a body
+mover_paths | ~visibility.hidden(scattered, sensor, obstacles) | slice(None) | other bodies do not hide scatterers of a body
 
 simulation/visibility: physics/test_diffuse
 visible | ~geometry.scene.ray_test(ray).numpy() | np.ones(len(distance), bool) | walls do not hide scatterers
-negated | -chosen.amplitude | chosen.amplitude | a hidden scatterer echoes twice
+negated | -copies.amplitude | copies.amplitude | a hidden scatterer echoes twice
 _blocked | obstacle.rotation @ sensor[:, :3, :3] | sensor[:, :3, :3] | obstacles do not turn
 
 materials/kirchhoff: physics/test_kirchhoff
@@ -110,8 +110,8 @@ _series | t[i] / n | t[i] | all orders have the lobe of the first order
 scattered_lobe | np.exp(_collected(roughness_m, correlation_m, wavenumber)(np.arccos(cosine))) | 1.0 | the lobe does not conserve energy
 
 simulation/flat/room: physics/test_flat_rooms
-FlatRoom._some | departs + arrives | departs | only the departure has a Doppler shift
-FlatRoom._some | amplitude.conj() | amplitude | the phase of reflections has the wrong sign
+FlatRoom._paths | departs + arrives | departs | only the departure has a Doppler shift
+FlatRoom._paths | amplitude.conj() | amplitude | the phase of reflections has the wrong sign
 
 simulation/flat/search: physics/test_flat_rooms
 _joined | chain[b, n - 1 - j] | chain[b, j] | faces after an edge come in the order from the receiver
@@ -127,8 +127,8 @@ simulation/flat/search: physics/test_furnished_rooms
 _far | math.sqrt(max(excess, 0.0)) - change | math.sqrt(max(excess, 0.0)) + change | edges are weaker anywhere in a cell than at its centre
 
 simulation/flat/room: physics/test_furnished_rooms
-FlatRoom._some | 2 * np.abs(half) | 0 * half.real | paths that only the middle of the array sees vanish
-FlatRoom._some | first + share * (second - first) | second + share * (first - second) | the channels of the array are in reverse order
+FlatRoom._paths | 2 * np.abs(half) | 0 * half.real | paths that only the middle of the array sees vanish
+FlatRoom._paths | first + share * (second - first) | second + share * (first - second) | the channels of the array are in reverse order
 _nearest | KDTree(places).query(points)[1] | np.zeros(len(points), int) | all poses use the sequences of the first test place
 
 simulation/flat/field: physics/test_flat_rooms
@@ -144,9 +144,9 @@ _legs | path.share[i] += 0.5 | path.share[i] += 1.0 | a ray that grazes a face c
 _kept | min(max(place, inside), length - inside) | place | an edge diffracts beyond its ends
 
 simulation/flat/faces: simulation/test_flat_faces
-_extend | max(abs(one), abs(two)) < SAME_M | True | perpendicular plates keep the gap between them
+_extend | max(abs(gap_first), abs(gap_last)) < SAME_M | True | perpendicular plates keep the gap between them
 _sectors | abs(opening * order_of_images - 1) < EXACT | False | inner corners of 90 degrees diffract
-_without_overlaps | shapely.difference(one.polygon, cover, grid_size=1e-7) | one.polygon | equal planes reflect twice
+_without_overlaps | shapely.difference(larger.polygon, cover, grid_size=1e-7) | larger.polygon | equal planes reflect twice
 
 simulation/flat/wedge: simulation/test_flat_faces
 half_plane | 1 - rest if v >= 0 else rest | rest if v >= 0 else 1 - rest | light and shadow are swapped
@@ -195,9 +195,9 @@ simulation/backends/coupling: physics/test_coupling
 group_paths | block.out_leg != block.back_leg | block.out_leg != block.out_leg | paths over the room run in one direction only
 _place | direction[n, i] * velocity[r, i] | 0.0 * velocity[r, i] | paths over the room have no Doppler shift
 _place | place[r, i] + direction[n, i] * length[n] | place[r, i] + direction[n, i] | legs end one metre from the mirror image
-_place | turn[r, i, 1] * direction[n, 1] | -turn[r, i, 1] * direction[n, 1] | directions at the sensor are mirrored
+_place | rotation[r, i, 1] * direction[n, 1] | -rotation[r, i, 1] * direction[n, 1] | directions at the sensor are mirrored
 _Pairs.weighed | legs.weigh(amplitude, self.place[row], leg[row], point) | legs | legs have no amplitudes
-_chosen | [place, share] | [place, 0 * share + share.min()] | pairs of legs have the smallest share of all poses
+_strong_pairs | [place, share] | [place, 0 * share + share.min()] | pairs of legs have the smallest share of all poses
 group_paths | hits.where(keep) | hits.where(np.arange(min(1, len(keep)))) | only one hit of each block of pairs is kept
 group_paths | close[pairs.frame] | close.any() | one pose close to an object uncouples all poses
 
@@ -220,7 +220,7 @@ _combine | first[f, c, t] + k + 1 | first[f, c, t] + k | aspects are one step be
 
 simulation/poses: simulation/test_poses
 inverse | poses[:, :3, 3] | -poses[:, :3, 3] | the inverse of a pose moves the wrong way
-_advanced | share * turn | 0 * turn | rotation causes no Doppler shift
+_advanced | share * rotation | 0 * rotation | rotation causes no Doppler shift
 
 simulation/backends/scatterers: physics/test_baselines
 PointBackend._object | distance**2 | distance | points fall off as 1/R^2
@@ -356,7 +356,7 @@ process | (np.abs(coherent) ** 2).mean(axis=2, dtype=np.float64) | np.abs(cohere
 
 reconstruct/outlines/outline: reconstruct/test_outlines
 _cornered | reach if convex else 0.0 | reach | the inner corner of an L-shaped floor is cut off
-_cornered | abs((at - t) * turn) | abs(at - t) | two walls at 150 degrees do not meet
+_cornered | abs((at - t) * sine) | abs(at - t) | two walls at 150 degrees do not meet
 _on_cut | np.sign(gap[1] - gap[0])[apart] | 0 | an edge that ends before the neighbouring plane stays there
 
 reconstruct/outlines/complete: reconstruct/test_outlines

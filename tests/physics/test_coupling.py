@@ -98,7 +98,7 @@ def test_sphere_over_a_dielectric_floor_matches_geometric_optics(material):
 
 def test_pairs_of_legs_are_chosen_for_each_pose_by_their_field():
     legs = replace(FREE_SPACE, order=np.array([0, 1, 1, 2]), share=np.array([[1.0, 0.5, 0.4, 0.3]] * 2))
-    frame, (place, out, back) = coupling._chosen(legs, np.array([0, 1, 0]), 4, np.array([0.01, 0.45, 1.0]))
+    frame, (place, out, back) = coupling._strong_pairs(legs, np.array([0, 1, 0]), 4, np.array([0.01, 0.45, 1.0]))
     every = [(0, 0, i, k) for i in range(4) for k in range(max(i, 1), 4) if (i, k) != (3, 3)]  # 4 reflections leave none for the object
     assert list(zip(frame, place, out, back, strict=True)) == [*every, (1, 1, 0, 1)]
 

@@ -97,10 +97,10 @@ class Frames(Sequence[Frame]):
     @overload
     def __getitem__(self, index: slice) -> Frames: ...
     def __getitem__(self, index: int | slice) -> Frame | Frames:
-        chosen = range(len(self.names))[index]
-        if isinstance(chosen, int):
-            return dataclasses.replace(self._read(chosen), pose=self.poses[chosen])
-        picked = list(chosen)
+        selection = range(len(self.names))[index]
+        if isinstance(selection, int):
+            return dataclasses.replace(self._read(selection), pose=self.poses[selection])
+        picked = list(selection)
         return Frames([self.names[i] for i in picked], self.poses[picked], lambda i: self._read(picked[i]), self.source, self.scan_of)
 
     def __iter__(self) -> Iterator[Frame]:  # that of Sequence would take an IndexError of a reader for the end

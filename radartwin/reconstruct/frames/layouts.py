@@ -245,8 +245,8 @@ def _pictures(folder: Path, names: Sequence[str]) -> list[Path]:
     """List the pictures in the first folder among `names` that exists, ordered by the numbers in the file names."""
     for name in names:
         if (folder / name).is_dir():
-            found = [p for p in (folder / name).iterdir() if p.suffix.lower() in (".png", ".pgm", ".jpg", ".jpeg", ".tif", ".tiff")]
-            return sorted(found, key=lambda p: ([int(d) for d in re.findall(r"\d+", p.stem)], p.stem))
+            pictures = [p for p in (folder / name).iterdir() if p.suffix.lower() in (".png", ".pgm", ".jpg", ".jpeg", ".tif", ".tiff")]
+            return sorted(pictures, key=lambda p: ([int(d) for d in re.findall(r"\d+", p.stem)], p.stem))
     return []
 
 

@@ -69,20 +69,20 @@ def check_agreement(frames: Frames, unit_m: float | None, convention: str | None
     count = len(frames)
     if count < 2:
         return
-    chosen = [frames[int(i)] for i in np.unique(np.linspace(0, count - 1, min(count, COMPARED_VIEWS)).round())]
-    depths = np.concatenate([f.depth_m[f.depth_m > 0][::50] for f in chosen])
+    compared = [frames[int(i)] for i in np.unique(np.linspace(0, count - 1, min(count, COMPARED_VIEWS)).round())]
+    depths = np.concatenate([f.depth_m[f.depth_m > 0][::50] for f in compared])
     if not len(depths):
         return
     depth_m = float(np.median(depths))
     scale = MEDIAN_M / depth_m
-    views = [prepared(frame, np.inf) for frame in chosen]
+    views = [prepared(frame, np.inf) for frame in compared]
     views = [view._replace(depth=(view.depth * np.float32(scale)).astype(np.float32)) for view in views]
-    poses = np.array([frame.pose for frame in chosen])
+    poses = np.array([frame.pose for frame in compared])
     poses[:, :3, 3] *= scale
 
     given = _check_convention(frames.source, views, poses, convention, metadata_file, scale)
     if unit_m is not None:
-        _check_unit(frames.source, chosen, views, poses, unit_m, given)
+        _check_unit(frames.source, compared, views, poses, unit_m, given)
     if given.pairs and given.apart_m > SUSPECT_M:
         cause = f"the poses ({POSE_CONVENTIONS[given.name]}), the intrinsics or the depth unit may be wrong"
         warnings.warn(f"{frames.source}: {_distance(given, scale)}, but some millimetres are usual; {cause}", ScanWarning, stacklevel=2)
@@ -98,8 +98,8 @@ def _check_convention(
     # back to the convention of the file: the inverse of `camera_to_world`
     flipped = camera_to_world(poses, "opengl") if (convention or "").startswith("opengl") else poses
     as_written = camera_to_world(flipped, "opencv-inverse") if (convention or "").endswith("-inverse") else flipped
-    found = disagreement(views, [camera_to_world(as_written, name) for name in POSE_CONVENTIONS])
-    agreements = {name: Agreement(name, *values) for name, values in zip(POSE_CONVENTIONS, found, strict=True)}
+    disagreements = disagreement(views, [camera_to_world(as_written, name) for name in POSE_CONVENTIONS])
+    agreements = {name: Agreement(name, *values) for name, values in zip(POSE_CONVENTIONS, disagreements, strict=True)}
     given = agreements[convention or "opencv"]
     best = min((a for a in agreements.values() if a.better_than(given)), key=lambda a: a.apart_m, default=None)
     if best is not None:
@@ -110,37 +110,37 @@ def _check_convention(
     return given
 
 
-def _check_unit(source: str, chosen: Sequence[Frame], views: list[View], poses: np.ndarray, unit_m: float, given: Agreement) -> None:
+def _check_unit(source: str, frames: Sequence[Frame], views: list[View], poses: np.ndarray, unit_m: float, given: Agreement) -> None:
     """Compare the views for every plausible depth unit: for a unit k times larger, camera positions / k give the same scene, scaled."""
-    depth_m = float(np.median(np.concatenate([f.depth_m[f.depth_m > 0][::50] for f in chosen])))
+    depth_m = float(np.median(np.concatenate([f.depth_m[f.depth_m > 0][::50] for f in frames])))
     others = [u for u in UNITS_M if not np.isclose(u, unit_m, rtol=0.01) and plausible(depth_m * u / unit_m)]
     moved = []
     for unit in others:
         moved.append(poses.copy())
         moved[-1][:, :3, 3] *= unit_m / unit
-    found = [(Agreement(f"{unit:g}", *values), unit) for unit, values in zip(others, disagreement(views, moved), strict=True)]
+    agreements = [(Agreement(f"{unit:g}", *values), unit) for unit, values in zip(others, disagreement(views, moved), strict=True)]
 
     def described(agreement: Agreement, unit: float) -> str:
-        x, y, z = _extent_m(chosen, unit / unit_m)
+        x, y, z = _extent_m(frames, unit / unit_m)
         apart = f"views {100 * agreement.apart_m / MEDIAN_M:.1f} % of the depth apart" if agreement.pairs else "no overlapping views"
         return f"{unit:g} m per count (a room of {x:.2g} x {y:.2g} x {z:.2g} m, {apart})"
 
-    better = [(a, u) for a, u in found if a.better_than(given)]
+    better = [(a, u) for a, u in agreements if a.better_than(given)]
     if better:
         smallest = min(a.apart_m for a, _ in better)
         fits = [described(a, u) for a, u in better if a.apart_m < EQUAL_RATIO * smallest]
         text = f"the depth was read with {described(given, unit_m)}, and fits the poses better with {' or '.join(fits)}"
         raise ScanError(f"{source}: {text}; give the better unit as --depth-unit")
-    equal = [described(a, u) for a, u in found if a.pairs >= MIN_PAIRS * given.pairs and a.apart_m < EQUAL_RATIO * given.apart_m]
+    equal = [described(a, u) for a, u in agreements if a.pairs >= MIN_PAIRS * given.pairs and a.apart_m < EQUAL_RATIO * given.apart_m]
     if equal:
         text = f"the views do not determine the unit of depth: it may be {described(given, unit_m)}, as given, or {' or '.join(equal)}"
         warnings.warn(f"{source}: {text}; check --depth-unit", ScanWarning, stacklevel=3)
 
 
-def _extent_m(chosen: Sequence[Frame], factor: float) -> np.ndarray:
+def _extent_m(frames: Sequence[Frame], factor: float) -> np.ndarray:
     """Return the extent (3,) in metres, without outliers, of the depth points of the frames, after multiplying all depths by `factor`."""
     clouds = []
-    for frame in chosen:
+    for frame in frames:
         offsets = points(frame)[::8, ::8].reshape(-1, 3) - frame.pose[:3, 3]
         clouds.append(offsets[np.isfinite(offsets).all(axis=1)] * factor + frame.pose[:3, 3])
     low, high = np.quantile(np.concatenate(clouds), [0.01, 0.99], axis=0)

@@ -87,12 +87,12 @@ def disagreement(views: Sequence[View], pose_sets: Iterable[np.ndarray]) -> list
 
     The list has an entry for each array of poses (N, 4, 4) in `pose_sets`.
     """
-    samples, found = [_samples(view) for view in views], []
+    samples, disagreements = [_samples(view) for view in views], []
     for poses in pose_sets:
         pairs = _pairs(poses, views, samples)
         apart = _normal_equations(poses, views, samples, pairs, np.zeros(3), SCALES_M[0])[1]
-        found.append((len(pairs) if np.isfinite(apart) else 0, apart))
-    return found
+        disagreements.append((len(pairs) if np.isfinite(apart) else 0, apart))
+    return disagreements
 
 
 def _rotation_between(start: np.ndarray, poses: np.ndarray) -> Rotation:
@@ -137,7 +137,7 @@ def _samples(view: View) -> np.ndarray:
 
 def _pairs(poses: np.ndarray, views: Sequence[View], samples: Sequence[np.ndarray]) -> np.ndarray:
     """Return the index pairs (P, 2) of views that see the same surfaces. The first view of a pair provides the samples."""
-    found = []
+    pairs = []
     for i, points in enumerate(samples):
         thinned = points[::7]
         if len(thinned) < 8:
@@ -145,8 +145,8 @@ def _pairs(poses: np.ndarray, views: Sequence[View], samples: Sequence[np.ndarra
         world = thinned[:, :3] @ poses[i, :3, :3].T + poses[i, :3, 3]
         for j, view in enumerate(views):
             if i != j and len(samples[j]) and _shared(world, poses[j], view.depth, view.lens) > OVERLAP * len(thinned):
-                found.append((i, j))
-    return np.array(found, dtype=np.int64).reshape(-1, 2)
+                pairs.append((i, j))
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
 def _normal_equations(
@@ -173,14 +173,14 @@ def _assembled(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Assemble the matrix (6V, 6V) and right side (6V,) for V views from the blocks of all view pairs, the priors of motion and gravity."""
     count, upper = len(poses), np.triu_indices(6)
-    own = np.zeros((len(blocks), 6, 6))
-    own[:, upper[0], upper[1]] = blocks[:, :21]
-    own[:, upper[1], upper[0]] = blocks[:, :21]
-    turn = _rotation_between(start, poses).as_rotvec()
-    weights, pulls = _motion_prior(turn, start, poses, centre)
+    pair_weights = np.zeros((len(blocks), 6, 6))
+    pair_weights[:, upper[0], upper[1]] = blocks[:, :21]
+    pair_weights[:, upper[1], upper[0]] = blocks[:, :21]
+    rotation = _rotation_between(start, poses).as_rotvec()
+    weights, pulls = _motion_prior(rotation, start, poses, centre)
     matrix, right = np.zeros((count, 6, count, 6)), np.zeros((count, 6))
     consecutive = np.stack([np.arange(count - 1), np.arange(1, count)], axis=1)
-    terms = (np.concatenate([pairs, consecutive]), np.concatenate([own, weights]), np.concatenate([blocks[:, 21:], pulls]))
+    terms = (np.concatenate([pairs, consecutive]), np.concatenate([pair_weights, weights]), np.concatenate([blocks[:, 21:], pulls]))
     for (a, b), weight, pull in zip(*terms, strict=True):
         matrix[a, :, a] += weight
         matrix[b, :, b] += weight
@@ -190,15 +190,15 @@ def _assembled(
         right[b] -= pull
     for axis in (0, 1):  # gravity
         matrix[range(count), axis, range(count), axis] += 1 / LEVEL_RAD**2
-        right[:, axis] -= turn[:, axis] / LEVEL_RAD**2
+        right[:, axis] -= rotation[:, axis] / LEVEL_RAD**2
     return matrix.reshape(6 * count, 6 * count), right.ravel()
 
 
-def _motion_prior(turn: np.ndarray, start: np.ndarray, poses: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _motion_prior(rotation: np.ndarray, start: np.ndarray, poses: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return weights (V-1, 6, 6) and pulls (V-1, 6) of the phone's motion estimate between consecutive views, at the current poses."""
-    # A correction moves a point p to p + turn x (p - centre) + shift, where the symbol x in the middle is the cross product. The next line
-    # computes the shift that moves the camera to its current position.
-    shift = poses[:, :3, 3] - start[:, :3, 3] - np.cross(turn, start[:, :3, 3] - centre)
+    # A correction moves a point p to p + rotation x (p - centre) + shift, where the symbol x in the middle is the cross product. The next
+    # line computes the shift that moves the camera to its current position.
+    shift = poses[:, :3, 3] - start[:, :3, 3] - np.cross(rotation, start[:, :3, 3] - centre)
     gap = np.linalg.norm(np.diff(start[:, :3, 3], axis=0), axis=1)
     weights, pulls = np.zeros((len(gap), 6, 6)), np.zeros((len(gap), 6))
     for i in range(len(gap)):
@@ -208,7 +208,7 @@ def _motion_prior(turn: np.ndarray, start: np.ndarray, poses: np.ndarray, centre
         lever[3:, :3] = -np.array([[0, -arm[2], arm[1]], [arm[2], 0, -arm[0]], [-arm[1], arm[0], 0]])
         precision = np.repeat([1 / (TURN_RAD**2 * gap[i] + REST_RAD**2), 1 / (SHIFT_M**2 * gap[i] + REST_M**2)], 3)
         weights[i] = lever.T @ (precision[:, None] * lever)
-        pulls[i] = weights[i] @ np.concatenate([turn[i + 1] - turn[i], shift[i + 1] - shift[i]])
+        pulls[i] = weights[i] @ np.concatenate([rotation[i + 1] - rotation[i], shift[i + 1] - shift[i]])
     return weights, pulls
 
 

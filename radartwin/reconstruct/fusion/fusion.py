@@ -142,22 +142,22 @@ def fuse(
         frames = frames[::every]
     _warn_of_far_depths(frames)
     views = Views(frames, MAX_RANGE_M)
-    low, high, used = _bounds(views, done)
+    low, high, usable = _bounds(views, done)
     alignment = None
     if refine:
         alignment = align(views)
-        low, high, used = _bounds(views, lambda: None)
-    volume = _filled_volume(views, low, high, used, voxel_m, done)
+        low, high, usable = _bounds(views, lambda: None)
+    volume = _filled_volume(views, low, high, usable, voxel_m, done)
     # A surface is kept only if the standard deviation of its distance is below the truncation distance. A view that measures points behind
     # a wrong surface removes this surface.
     mesh, coloured = extract(volume, (REFERENCE_NOISE_M / volume.truncation_m) ** 2)
     mesh, coloured, removed = without_small_parts(mesh, coloured)
-    residual = np.concatenate([volume.distance(_points(views[i], RESIDUAL_STEP)) for i in used])
+    residual = np.concatenate([volume.distance(_points(views[i], RESIDUAL_STEP)) for i in usable])
     near = residual[np.isfinite(residual) & (np.abs(residual) < 0.99 * volume.truncation_m)]
     return mesh, FusionReport(
         source=frames.source,
         frames=len(frames),
-        frames_used=len(used),
+        frames_used=len(usable),
         voxel_m=volume.voxel_m,
         truncation_m=volume.truncation_m,
         blocks=len(volume.blocks),
@@ -179,8 +179,8 @@ def fuse(
 
 def _warn_of_far_depths(frames: Frames) -> None:
     """Warn if the fusion ignores more than FAR_SHARE of the depth pixels, because they are beyond MAX_RANGE_M."""
-    chosen = np.unique(np.linspace(0, len(frames) - 1, min(len(frames), CHECKED_FRAMES)).round()).astype(int)
-    depths = np.concatenate([depth[depth > 0] for depth in (frames[int(i)].depth_m for i in chosen)])
+    checked = np.unique(np.linspace(0, len(frames) - 1, min(len(frames), CHECKED_FRAMES)).round()).astype(int)
+    depths = np.concatenate([depth[depth > 0] for depth in (frames[int(i)].depth_m for i in checked)])
     share = float(np.mean(depths > MAX_RANGE_M)) if len(depths) else 0.0
     if FAR_SHARE < share < 1:  # if all pixels are too far, the fusion raises an error
         text = f"{100 * share:.0f} % of the depth pixels are beyond the limit MAX_RANGE_M of {MAX_RANGE_M:g} m and are ignored"
@@ -188,7 +188,7 @@ def _warn_of_far_depths(frames: Frames) -> None:
 
 
 def _filled_volume(
-    views: Views, low: np.ndarray, high: np.ndarray, used: list[int], voxel_m: float | None, done: Callable[[], object]
+    views: Views, low: np.ndarray, high: np.ndarray, usable: list[int], voxel_m: float | None, done: Callable[[], object]
 ) -> Volume:
     """Average all views into a new signed distance volume between the corners `low` and `high`, and call `done` after each view."""
     if voxel_m is None:
@@ -196,7 +196,7 @@ def _filled_volume(
     elif not 0.002 <= voxel_m <= 0.5:
         raise ScanError(f"voxel_m={voxel_m:g}: choose 0.002 to 0.5 m; 0.02 suits a room")
     volume = Volume(low, high, voxel_m, TRUNCATION_VOXELS * voxel_m)
-    for i in used:
+    for i in usable:
         volume.mark(views[i])
     volume.allocate()
     for i in range(len(views)):
@@ -247,24 +247,24 @@ def holes(mesh: trimesh.Trimesh) -> Holes:
     part_of_loop = np.zeros(len(perimeter), dtype=np.int64)
     part_of_loop[loop] = part
     for p in np.unique(part):
-        own = np.flatnonzero((part_of_loop == p) & (perimeter > 0))
-        is_hole[own[np.argmax(perimeter[own])]] = False
+        loops = np.flatnonzero((part_of_loop == p) & (perimeter > 0))
+        is_hole[loops[np.argmax(perimeter[loops])]] = False
     return Holes(int(is_hole.sum()), float(length.sum()), float(area[is_hole].sum()), float(area[is_hole].max(initial=0.0)))
 
 
 def _bounds(views: Views, done: Callable[[], object]) -> tuple[np.ndarray, np.ndarray, list[int]]:
     """Return the lowest and the highest corner of all depth points, and the indices of the views with any usable depth."""
-    low, high, used = np.full(3, np.inf), np.full(3, -np.inf), []
+    low, high, usable = np.full(3, np.inf), np.full(3, -np.inf), []
     for i in range(len(views)):
         seen = _points(views[i], 2)
         done()
         if len(seen):
-            used.append(i)
+            usable.append(i)
             low, high = np.minimum(low, seen.min(axis=0)), np.maximum(high, seen.max(axis=0))
-    if not used:
+    if not usable:
         reason = f"no usable depth within {views.max_range_m:g} m in any of {len(views)} frames"
         raise ScanError(f"{views.frames.source}: {reason}; scan from nearer, or correct --depth-unit")
-    return low, high, used
+    return low, high, usable
 
 
 def _points(view: View, step: int) -> np.ndarray:

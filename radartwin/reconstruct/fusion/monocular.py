@@ -105,13 +105,13 @@ class DepthModel:
 
 def with_depth(frames: Frames, estimate: Estimator) -> Frames:
     """Return the frames that have a colour picture, with the depth that `estimate`, such as a `DepthModel`, returns for this picture."""
-    chosen = [i for i, frame in enumerate(frames) if frame.colour is not None]
-    if not chosen:
+    coloured = [i for i, frame in enumerate(frames) if frame.colour is not None]
+    if not coloured:
         raise ScanError(f"{frames.source}: no frame has colour, so depth cannot be estimated; scan again with pictures")
     cache: dict[int, np.ndarray] = {}
 
     def read(index: int) -> Frame:
-        frame = frames[chosen[index]]
+        frame = frames[coloured[index]]
         assert frame.colour is not None
         assert frame.colour_intrinsics is not None
         if index not in cache:
@@ -120,7 +120,7 @@ def with_depth(frames: Frames, estimate: Estimator) -> Frames:
         intrinsics = rescaled(frame.colour_intrinsics, frame.colour.shape[1::-1], depth.shape[::-1])
         return dataclasses.replace(frame, depth_m=depth, intrinsics=intrinsics, confidence=None)
 
-    return Frames([frames.names[i] for i in chosen], frames.poses[chosen], read, frames.source, frames.scan_of)
+    return Frames([frames.names[i] for i in coloured], frames.poses[coloured], read, frames.source, frames.scan_of)
 
 
 def _sized(depth: np.ndarray) -> np.ndarray:
@@ -138,10 +138,10 @@ def _processing(folder: Path) -> dict[str, Any]:
     try:
         content = untrusted_json.read(file)
         size = content.get("size") or {}
-        found: dict[str, Any] = {
+        settings: dict[str, Any] = {
             "mean": tuple(content.get("image_mean", IMAGENET_MEAN)),
             "std": tuple(content.get("image_std", IMAGENET_STD)),
         }
-        return found | ({"height": int(size["height"])} if isinstance(size, dict) and "height" in size else {})
+        return settings | ({"height": int(size["height"])} if isinstance(size, dict) and "height" in size else {})
     except (ValueError, TypeError, AttributeError) as error:
         raise ScanError(f"{file}: damaged ({error}); copy the model's files again") from error

@@ -153,8 +153,8 @@ def simplified(mesh: trimesh.Trimesh, faces: np.ndarray) -> tuple[trimesh.Trimes
         The simplified mesh, and the 95th percentile in metres of the distances between the scanned vertices and this mesh; None if no face
         remains.
     """
-    used, index = np.unique(np.asarray(mesh.faces)[faces], return_inverse=True)
-    points = np.asarray(mesh.vertices)[used]
+    vertex_ids, index = np.unique(np.asarray(mesh.faces)[faces], return_inverse=True)
+    points = np.asarray(mesh.vertices)[vertex_ids]
     index = index.reshape(-1, 3)
     piece = trimesh.Trimesh(points, index, process=False)
     area = float(piece.area)

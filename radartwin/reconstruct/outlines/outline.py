@@ -185,9 +185,9 @@ def _on_cut(grid: Grid, mask: np.ndarray, cut: Cut) -> list[_Stretch]:
     for a, b in itertools.pairwise([*np.flatnonzero(np.diff(sign, prepend=0)), len(t)]):
         if sign[a] == 0 or b - a < SHORTEST_CELLS:
             continue
-        own = 0 if sign[a] > 0 else 1
-        short, over = float(gap[own][a:b].max()), float(np.where(depth[1 - own] < n, depth[1 - own], 0)[a:b].max())
-        start, stop = (t[a], t[b - 1] + c) if own == 0 else (-t[b - 1] - c, -t[a])
+        inner = 0 if sign[a] > 0 else 1
+        short, over = float(gap[inner][a:b].max()), float(np.where(depth[1 - inner] < n, depth[1 - inner], 0)[a:b].max())
+        start, stop = (t[a], t[b - 1] + c) if inner == 0 else (-t[b - 1] - c, -t[a])
         out.append(_Stretch(cut.point, sign[a] * cut.along, start, stop, short * c, over * c))
     return out
 
@@ -246,18 +246,18 @@ def _cornered(stretch: _Stretch, others: Sequence[_Stretch], grid: Grid) -> tupl
         corner, into, extended, deepest = t, stretch.left, 0.0, np.inf
         nearest = reach
         for other in others:
-            turn = _cross(stretch.along, other.along)
-            if abs(turn) < SHALLOW:
+            sine = _cross(stretch.along, other.along)
+            if abs(sine) < SHALLOW:
                 continue
-            at = _cross(other.point - stretch.point, other.along) / turn
+            at = _cross(other.point - stretch.point, other.along) / sine
             along_other = (stretch.at(at) - other.point) @ other.along
-            away, near = abs((at - t) * turn), reach / abs(turn)  # lines of a shallow corner are near each other over a longer distance
+            away, near = abs((at - t) * sine), reach / abs(sine)  # lines of a shallow corner are near each other over a longer distance
             if away < nearest and other.start - near < along_other < other.stop + near:
                 nearest, corner = away, at
                 into = other.along / (other.along @ stretch.left)  # along the other line to a depth of one metre inside
                 convex = (stretch.at((stretch.start + stretch.stop) / 2) - other.point) @ other.left > 0
                 extended = reach if convex else 0.0
-                deepest = (other.stop - other.start) * abs(turn)
+                deepest = (other.stop - other.start) * abs(sine)
         short = max(short, min(abs(corner - t), reach) + off) if corner != t else short
         beyond.append(corner + outwards * extended)
         inside.append((corner, into, deepest))

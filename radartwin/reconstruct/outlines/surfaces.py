@@ -229,8 +229,8 @@ def _grid(room: _Room, group: list[int], limits: bool) -> tuple[Grid, dict[int, 
     samples = {k: covered(faces.corners[room.segments[k].faces], 0.7 * cell)[0] for k in group}
     points = np.vstack(list(samples.values()))
     grid = Grid.around(points, root.normal, root.offset_m, cell)
-    turn = _turn(grid, room.main_rad, points, limits)
-    return (Grid.around(points, root.normal, root.offset_m, cell, turn) if turn else grid), samples
+    angle_rad = _main_angle(grid, room.main_rad, points, limits)
+    return (Grid.around(points, root.normal, root.offset_m, cell, angle_rad) if angle_rad else grid), samples
 
 
 def _cuts(room: _Room, grid: Grid, group: list[int]) -> list[outline.Cut]:
@@ -251,22 +251,22 @@ def _cuts(room: _Room, grid: Grid, group: list[int]) -> list[outline.Cut]:
     return [cut for cut in cuts if cut is not None]
 
 
-def _turn(grid: Grid, main_rad: float, points: np.ndarray, limits: bool) -> float:
+def _main_angle(grid: Grid, main_rad: float, points: np.ndarray, limits: bool) -> float:
     """Return the angle in radians from the grid axes to the main direction of a level plane; 0 for upright and slanted planes."""
     if abs(grid.normal[2]) < np.cos(np.radians(10.0)):
         return 0.0  # the grid axes are already horizontal and upward
     east = np.array([np.cos(main_rad), np.sin(main_rad), 0.0]) @ grid.axes.T
-    room = float(np.arctan2(east[1], east[0]))
+    room_rad = float(np.arctan2(east[1], east[0]))
     if limits:
-        return room
+        return room_rad
     rectangle: Any = MultiPoint(points @ grid.axes.T).minimum_rotated_rectangle
     if rectangle.geom_type != "Polygon":
-        return room
+        return room_rad
     box = np.array(rectangle.exterior.coords)
     side = box[1] - box[0]
-    own = float(np.arctan2(side[1], side[0]))
-    difference = (own - room + np.pi / 4) % (np.pi / 2) - np.pi / 4
-    return room if abs(difference) < np.radians(5.0) else own
+    side_rad = float(np.arctan2(side[1], side[0]))
+    difference = (side_rad - room_rad + np.pi / 4) % (np.pi / 2) - np.pi / 4
+    return room_rad if abs(difference) < np.radians(5.0) else side_rad
 
 
 def _without_slivers(shape: BaseGeometry, cell: float) -> BaseGeometry:

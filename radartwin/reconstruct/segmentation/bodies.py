@@ -99,8 +99,8 @@ def contacts(faces: Faces, segments: Sequence[Segment]) -> list[Contact]:
     """Find the pairs of segments that touch or lie within APART_M of each other, those with the longest common edge first."""
     points, face = faces.samples
     owner = owners(faces, segments)[face]
-    chosen = np.concatenate([which[thinned(points[which], APART_M / 2)] for which in members(owner)])
-    points, owner = points[chosen], owner[chosen]
+    kept = np.concatenate([which[thinned(points[which], APART_M / 2)] for which in members(owner)])
+    points, owner = points[kept], owner[kept]
     first, second = KDTree(points).query_pairs(APART_M, output_type="ndarray").T
     a, b = owner[first], owner[second]
     seam = a != b

@@ -69,13 +69,13 @@ def _divide(label: np.ndarray, picture: np.ndarray, cell: float) -> None:
         region = label == current
         # Pieces that are already separated must not affect the blurred colours at the borders of the remaining region.
         inner = region & (masks.distance(~region) > 1.5)
-        found = _pieces_of(region, picture[masks.nearest(inner)] if inner.any() else picture, cell, min_step[current])
-        for piece, step in found:
+        pieces = _pieces_of(region, picture[masks.nearest(inner)] if inner.any() else picture, cell, min_step[current])
+        for piece, step in pieces:
             label[piece] = count
             todo.append(count)
             min_step[count] = max(STEP, WITHIN * step)
             count += 1
-        if found:
+        if pieces:
             todo.append(current)
 
 
@@ -91,11 +91,11 @@ def _pieces_of(region: np.ndarray, picture: np.ndarray, cell: float, min_step: f
                 share = float((steps > min_step).mean()) if steps.size else 0.0
                 if piece.sum() * cell**2 >= AREA_M2 and share >= MOSTLY:
                     ranked.append((share, piece, float(np.median(steps))))
-    found: list[tuple[np.ndarray, float]] = []
+    pieces: list[tuple[np.ndarray, float]] = []
     for _, piece, step in sorted(ranked, key=lambda entry: -entry[0]):
-        if not any((piece & other).any() for other, _ in found):
-            found.append((piece, step))
-    return found
+        if not any((piece & other).any() for other, _ in pieces):
+            pieces.append((piece, step))
+    return pieces
 
 
 def _between_edges(region: np.ndarray, picture: np.ndarray, cell: float) -> list[np.ndarray]:

@@ -46,13 +46,13 @@ class Faces:
         ones = np.ones(2 * len(i))
         adjacency = sp.csr_matrix((ones, (np.r_[i, j], np.r_[j, i])), shape=(count, count))
         corners = np.asarray(mesh.triangles)
-        own = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
-        area = np.linalg.norm(own, axis=1)
+        area_vector = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+        area = np.linalg.norm(area_vector, axis=1)
         small = area < smoothing_m**2 / 2
         # Averaging is a random walk over faces, so n rounds reach over about sqrt(n) edges. The limit of 20 bounds the time on fine meshes.
         edge = np.sqrt(2 * np.median(area[small])) if small.any() else np.inf
         rounds = int(np.clip(np.ceil((smoothing_m / edge) ** 2), 0, 20)) if small.any() else 0
-        values = np.column_stack([own, area])
+        values = np.column_stack([area_vector, area])
         keep = values[~small]
         walk = adjacency + sp.identity(count, format="csr")
         for _ in range(rounds):
@@ -79,12 +79,12 @@ class Faces:
         """
         weight = self.area[which] / self.area[which].sum()
         centre = weight @ self.centre[which]
-        shown = weight @ self.normal[which]
-        normal = shown / np.linalg.norm(shown)
+        mean_normal = weight @ self.normal[which]
+        normal = mean_normal / np.linalg.norm(mean_normal)
         if len(which) >= MIN_FITTED:
             spread = self.centre[which] - centre
             fitted = np.linalg.eigh((weight[:, None] * spread).T @ spread)[1][:, 0]
-            normal = fitted if fitted @ shown > 0 else -fitted
+            normal = fitted if fitted @ mean_normal > 0 else -fitted
         return normal, float(normal @ centre)
 
     def planes(self, label: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -92,8 +92,8 @@ class Faces:
 
         `label` (F,) is the piece number 0..P-1 of each face; faces with -1 are ignored.
         """
-        found = [self.plane(which) for which in members(label)]
-        return np.array([n for n, _ in found]).reshape(-1, 3), np.array([d for _, d in found])
+        planes = [self.plane(which) for which in members(label)]
+        return np.array([n for n, _ in planes]).reshape(-1, 3), np.array([d for _, d in planes])
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,9 +29,9 @@ class Grid:
     cell_m: float
 
     @classmethod
-    def around(cls, points: np.ndarray, normal: np.ndarray, offset_m: float, cell_m: float, turn: float = 0.0) -> Grid:
-        """Make a grid that covers points (N, 3) with a margin. The grid axes are the vectors of `in_plane`, rotated by `turn` radians."""
-        axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]) @ in_plane(normal)
+    def around(cls, points: np.ndarray, normal: np.ndarray, offset_m: float, cell_m: float, angle_rad: float = 0.0) -> Grid:
+        """Make a grid that covers points (N, 3) with a margin. The grid axes are the vectors of `in_plane`, rotated by `angle_rad`."""
+        axes = np.array([[np.cos(angle_rad), np.sin(angle_rad)], [-np.sin(angle_rad), np.cos(angle_rad)]]) @ in_plane(normal)
         flat = points @ axes.T
         low, high = flat.min(axis=0) - MARGIN_M, flat.max(axis=0) + MARGIN_M
         x, y = np.ceil((high - low) / cell_m).astype(int) + 1

@@ -85,9 +85,9 @@ def _settle(faces: Faces, label: np.ndarray) -> None:
         here, there = label[coo.row], label[coo.col]
         seam = (here >= 0) & (there >= 0) & (here != there)
         face, mine, other = coo.row[seam], here[seam], there[seam]
-        own = faces.distance(face, normal[mine], offset[mine])
+        old = faces.distance(face, normal[mine], offset[mine])
         new = faces.distance(face, normal[other], offset[other])
-        closer = new < own
+        closer = new < old
         if not closer.any():
             return
         label[face[closer]] = other[closer]

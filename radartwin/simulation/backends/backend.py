@@ -117,10 +117,10 @@ class _PluggedIn:
 
     def paths(self, *arguments: Any, **options: Any) -> list[Paths]:
         with plugins.calling(self.plugin, "paths"):
-            found = list(self.inner.paths(*arguments, **options))
-        if not all(isinstance(part, Paths) for part in found):
+            parts = list(self.inner.paths(*arguments, **options))
+        if not all(isinstance(part, Paths) for part in parts):
             raise plugins.refusal(self.plugin, "paths returned something else than a list of radartwin.simulation.paths.Paths")
-        return found
+        return parts
 
 
 def resolve(simulator: str | Backend, settings: TraceSettings) -> Backend:

@@ -90,7 +90,7 @@ def group_paths(
     # 2. Choice: the legs, and the pairs of legs whose field exceeds the share.
     coupled = room is not None and settings.coupling and bool(room.usable.any()) and bool((share < 1).any())
     legs, place = _legs(room, group, sensor_poses, object_poses, ball, settings.max_bounces - 1 if coupled else 0, float(share.min()))
-    pairs = _Pairs.of(legs, *_chosen(legs, place, settings.max_bounces, share), sensor_poses, object_poses, radar)
+    pairs = _Pairs.of(legs, *_strong_pairs(legs, place, settings.max_bounces, share), sensor_poses, object_poses, radar)
     if body is None:
         pairs = pairs.where(~(close[pairs.frame] | pairs.near(group)))
 
@@ -102,30 +102,30 @@ def group_paths(
     np.maximum.at(most, hits.pose, level if body is not None else level * (cell_m / direct_cell_m) ** 2)
     # A pair has about as many hits as the pose with most direct hits. Pruned at STRONGEST, there are about 20 times fewer.
     per_pair = np.bincount(hits.pose, minlength=1).max() * (20 if estimated else 1)
-    some = [(straight, hits if direct else Hits.none(len(group.table.frequencies_hz)), level if direct else level[:0])]
+    traced = [(straight, hits if direct else Hits.none(len(group.table.frequencies_hz)), level if direct else level[:0])]
     floor = prune * most
     many = np.bincount(pairs.frame, minlength=frames) * per_pair * (direct_cell_m / coupled_cell_m) ** 2 > AT_ONCE
     # Without `least`, the share of every pose is LEGS and no pair is weak.
     weak = many[pairs.frame] & (share[pairs.frame] > LEGS) & (pairs.strength < WEAK * share[pairs.frame])
     wide_m = max(coupled_cell_m, radar.wavelength_m / float(np.sqrt(SPARSE)))
-    for chosen, width_m in ((pairs.where(~weak), coupled_cell_m), (pairs.where(weak), wide_m)):
-        for block in chosen.blocks(per_pair if body is not None else per_pair * (direct_cell_m / width_m) ** 2):
+    for subset, width_m in ((pairs.where(~weak), coupled_cell_m), (pairs.where(weak), wide_m)):
+        for block in subset.blocks(per_pair if body is not None else per_pair * (direct_cell_m / width_m) ** 2):
             weakest = floor[block.frame] / np.maximum(block.strength, 1e-30)  # the ray tracer multiplies this by EARLY
             hits = _traced(group, body, block, width_m, settings.max_bounces, weakest, max(TRACED, EARLY * prune))
             within = hits.bounce + block.reflections[hits.pose] <= settings.max_bounces
             level = largest(hits.amplitude) * block.strength[hits.pose] * within
             np.maximum.at(most, block.frame[hits.pose], level)
             keep = _strong(block, hits, level, prune * most)
-            some.append((block, hits.where(keep), level[keep]))
+            traced.append((block, hits.where(keep), level[keep]))
 
     # 4. Weight: the field of the two legs at each hit.
     parts, firsts, crosses = [], [], []
-    for block, hits, level in some:
+    for block, hits, level in traced:
         hits = hits.where(_strong(block, hits, level, prune * most))
         parts.append(block.weighed(hits, group.table.frequencies_hz, object_poses))
         firsts.append(hits.first_m)
         crosses.append((block.out_leg != block.back_leg)[hits.pose])
-    del some, hits, level  # lists of millions of hits take gigabytes
+    del traced, hits, level  # lists of millions of hits take gigabytes
     kept: list[list[Paths]] = []
     for first, cross, mask in zip(firsts, crosses, strong_masks(parts, radar, prune), strict=True):
         keep = np.flatnonzero(mask)
@@ -170,8 +170,8 @@ def shadows_of_movers(
             shaded = np.abs(change) * loudness[row] > SHADED * most[frame]
             kept.append((frame[shaded], row[shaded], change[shaded]))
         frame, row, change = (np.concatenate(column) for column in zip(*kept, strict=True))
-        chosen = part.where(row)
-        out.append(replace(chosen, poses=frames, pose=frame, amplitude=chosen.amplitude * change[:, None], points=None))
+        copies = part.where(row)
+        out.append(replace(copies, poses=frames, pose=frame, amplitude=copies.amplitude * change[:, None], points=None))
     return out
 
 
@@ -206,22 +206,22 @@ def _legs(
     return find(room, places[:, :6], places[:, 6:], radius, nodes, longest, share), place.ravel()
 
 
-def _chosen(legs: Legs, place: np.ndarray, max_bounces: int, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _strong_pairs(legs: Legs, place: np.ndarray, max_bounces: int, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the pose (N,) and the place, leg to the object and leg back (3, N) of each pair of legs over the room.
 
     A pair's field is at least `share` (F,) times that of two undisturbed direct legs. Only one of each pair and its reverse is returned.
     """
     kinds, kind = np.unique(np.column_stack([place, share]), axis=0, return_inverse=True)
-    chosen = []
+    pairs = []
     for u, least in kinds:
         strength = legs.share[int(u)]
         worth = np.flatnonzero(strength * strength.max() >= least)
         product = strength[worth][:, None] * strength[worth]
         strong = np.triu(product >= least) & (legs.order[worth][:, None] + legs.order[worth] < max_bounces)
         i, j = np.nonzero(strong & (worth != DIRECT))  # the second leg is the direct one only if both are
-        chosen.append(np.stack([np.full(len(i), int(u)), worth[i], worth[j]]))
-    frame = np.repeat(np.arange(len(place)), [chosen[k].shape[1] for k in kind.ravel()])
-    return frame, np.concatenate([np.zeros((3, 0), int), *(chosen[k] for k in kind.ravel())], axis=1)
+        pairs.append(np.stack([np.full(len(i), int(u)), worth[i], worth[j]]))
+    frame = np.repeat(np.arange(len(place)), [pairs[k].shape[1] for k in kind.ravel()])
+    return frame, np.concatenate([np.zeros((3, 0), int), *(pairs[k] for k in kind.ravel())], axis=1)
 
 
 def _strong(pairs: "_Pairs", hits: Hits, level: np.ndarray, floor: np.ndarray) -> np.ndarray:
@@ -250,7 +250,7 @@ def _traced(
     if body is not None:
         return polygons.paths(body, table, out.place, back.place, out.axis, back.axis, int(left.max(initial=0)))
     parts = [Hits.none(len(table.frequencies_hz))]
-    for rows, grid in tube_paths.grids(geometry, out.place, np.swapaxes(out.turn, 1, 2), cell_m):
+    for rows, grid in tube_paths.grids(geometry, out.place, np.swapaxes(out.rotation, 1, 2), cell_m):
         transmit, receive = (Antennas(end.place[rows], end.axis[rows]) for end in (out, back))
         weakest = None if least is None else least[rows]
         options = TraceOptions(int(left[rows].max()), prune=prune, bounces=left[rows], least=weakest)
@@ -331,13 +331,13 @@ class _End:
 
     Attributes:
         place, velocity: (N, 3) position and velocity (m/s) of the image. axis: (N, 3) axis of its antenna.
-        turn: (N, 3, 3) rotation of directions at the image to the sensor's frame.
+        rotation: (N, 3, 3) of directions at the image to the sensor's frame.
     """
 
     place: np.ndarray
     velocity: np.ndarray
     axis: np.ndarray
-    turn: np.ndarray
+    rotation: np.ndarray
 
     @staticmethod
     def of(legs: Legs, leg: np.ndarray, pose: np.ndarray, sensor: np.ndarray, objects: np.ndarray, radar: Radar) -> "_End":
@@ -355,7 +355,7 @@ class _End:
         return _End(at[0], velocity, axis, np.swapaxes(to_object @ sensor[pose, :3, :3], 1, 2))
 
     def where(self, keep: np.ndarray) -> "_End":
-        return _End(*(values[keep] for values in (self.place, self.velocity, self.axis, self.turn)))
+        return _End(*(values[keep] for values in (self.place, self.velocity, self.axis, self.rotation)))
 
     def placed(
         self, row: np.ndarray, frame: np.ndarray, objects: np.ndarray, direction: np.ndarray, length: np.ndarray, rate: np.ndarray
@@ -368,13 +368,13 @@ class _End:
             rate: (H,) rate of change of the path's length in m/s; the function subtracts the part of this end.
         """
         turned, point = np.empty_like(direction), np.empty_like(direction)
-        arrays = (row, frame, objects, self.place, self.velocity, self.turn, direction, length)
+        arrays = (row, frame, objects, self.place, self.velocity, self.rotation, direction, length)
         shared_out(_place, len(row), *map(fixed, arrays), turned, point, rate, grain=GRAIN)
         return turned, point
 
 
 @compiled
-def _place(first, last, row, frame, objects, place, velocity, turn, direction, length, turned, point, rate) -> None:
+def _place(first, last, row, frame, objects, place, velocity, rotation, direction, length, turned, point, rate) -> None:
     """Compute `_End.placed` for the hits `first` to `last` - 1."""
     at = np.empty(3)
     for n in range(first, last):
@@ -383,7 +383,7 @@ def _place(first, last, row, frame, objects, place, velocity, turn, direction, l
             at[i] = place[r, i] + direction[n, i] * length[n]
             rate[n] -= direction[n, i] * velocity[r, i]
         for i in range(3):
-            turned[n, i] = turn[r, i, 0] * direction[n, 0] + turn[r, i, 1] * direction[n, 1] + turn[r, i, 2] * direction[n, 2]
+            turned[n, i] = rotation[r, i, 0] * direction[n, 0] + rotation[r, i, 1] * direction[n, 1] + rotation[r, i, 2] * direction[n, 2]
             point[n, i] = objects[f, i, 0] * at[0] + objects[f, i, 1] * at[1] + objects[f, i, 2] * at[2] + objects[f, i, 3]
 
 

@@ -103,19 +103,19 @@ class MitsubaBackend:
         key = id(static), radar, track.tobytes(), self.settings, id(searched)
         along = _tracks.get(key, 1, lambda: Track(static or [], radar, track, self.settings, searched=searched))
         sensor = sensor_poses[:1] if along.still else sensor_poses
-        still, movers, bodies, found = None, [], [], Traced([], {}, [], [])
+        still, movers, bodies, traced = None, [], [], Traced([], {}, [], [])
         if static is not None:
-            found.static.extend(along.static(sensor)[0])
+            traced.static.extend(along.static(sensor)[0])
             still = diffuse.Body(surfaces, static.geometry, np.eye(4)[None])
         for names in poses_module.rigid_groups(motion):
             poses = motion[names[0]]
             frames = slice(1) if along.still and poses_module.at_rest(poses) else slice(None)
             members = [s for s in scene.surfaces if s.name in names]
             group = target(members, radar)
-            found.groups[tuple(names)] = along.group(group, sensor_poses[frames], poses[frames])
+            traced.groups[tuple(names)] = along.group(group, sensor_poses[frames], poses[frames])
             bodies.append((group.geometry, poses[frames]))
             movers.append(diffuse.Body(members, group.geometry, poses))
-        found.shadows.extend(along.shadows(bodies, sensor))
+        traced.shadows.extend(along.shadows(bodies, sensor))
         if self.settings.diffuse and any(surface.roughness_m > 0 for surface in scene.surfaces):
-            found.diffuse.extend(diffuse.of_scene(still, movers, radar, sensor_poses))
-        return found
+            traced.diffuse.extend(diffuse.of_scene(still, movers, radar, sensor_poses))
+        return traced

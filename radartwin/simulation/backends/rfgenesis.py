@@ -124,10 +124,10 @@ class RFGenesisBackend:
         spread = 1 / (radar.num_chirps * radar.loop_interval_s)
         classes = (moved == 0, np.abs(moved) * radar.frame_rate_hz <= SLOW_MPS, np.full(moved.shape, True))
         parts, left = [], seen
-        for chosen in classes:
-            if (left & chosen).any():
-                parts.append(_paths(hits, hits.distance * loss, 2 * moved * spread, left & chosen, radar.center_frequency_hz))
-            left = left & ~chosen
+        for in_class in classes:
+            if (left & in_class).any():
+                parts.append(_paths(hits, hits.distance * loss, 2 * moved * spread, left & in_class, radar.center_frequency_hz))
+            left = left & ~in_class
         return parts
 
 
@@ -246,9 +246,9 @@ def _lambert(hits: Hits, scene: Scene, frequency_hz: float, settings: RFGenesisS
     return np.sqrt(np.where(hits.surface >= 0, returned, 0.0))
 
 
-def _paths(hits: Hits, amplitude: np.ndarray, rate_mps: np.ndarray, chosen: np.ndarray, frequency_hz: float) -> Paths:
-    pose, pixel = np.nonzero(chosen)
+def _paths(hits: Hits, amplitude: np.ndarray, rate_mps: np.ndarray, mask: np.ndarray, frequency_hz: float) -> Paths:
+    pose, pixel = np.nonzero(mask)
     ray, length = hits.directions[pixel], hits.distance[pose, pixel]
     level = amplitude[pose, pixel].astype(complex)[:, None]
-    one = np.ones(len(pose), int)
-    return Paths(len(chosen), pose, one, level, np.array([frequency_hz]), length, length, ray, ray, rate_mps[pose, pixel])
+    bounces = np.ones(len(pose), int)
+    return Paths(len(mask), pose, bounces, level, np.array([frequency_hz]), length, length, ray, ray, rate_mps[pose, pixel])

@@ -116,10 +116,10 @@ class PointBackend:
         step = self.settings.step_deg
         azimuth = np.rint(np.degrees(np.arctan2(towards[:, 1], towards[:, 0])) / step).astype(int)
         elevation = np.rint(np.degrees(np.arctan2(towards[:, 2], np.hypot(towards[:, 0], towards[:, 1]))) / step).astype(int)
-        turn = round(360 / step)
+        steps = round(360 / step)
         mesh = _MeshKey(array_digest(np.asarray(surface.mesh.vertices)) + array_digest(np.asarray(surface.mesh.faces)), surface.mesh)
         return np.array([
-            _entry(mesh, surface.material, frequency_hz, self.settings.rays_per_wavelength2, step, int(a) % turn, int(e))
+            _entry(mesh, surface.material, frequency_hz, self.settings.rays_per_wavelength2, step, int(a) % steps, int(e))
             for a, e in zip(azimuth, elevation, strict=True)
         ])  # fmt: skip
 
@@ -186,5 +186,5 @@ def _paths(
     """Build N paths that go from the sensor along the unit vectors `ray` (N, 3), given in the surface's frame, and back the same way."""
     local = np.einsum("nij,ni->nj", sensor[pose, :3, :3], ray)
     rate = -2 * np.einsum("ni,ni->n", ray, velocity[pose])
-    one = np.ones(len(pose), int)
-    return Paths(len(sensor), pose, one, level.astype(complex), frequencies_hz, distance, distance, local, local, rate)
+    bounces = np.ones(len(pose), int)
+    return Paths(len(sensor), pose, bounces, level.astype(complex), frequencies_hz, distance, distance, local, local, rate)

@@ -109,7 +109,7 @@ class SionnaBackend:
         traced["rate"] = _rate(traced, mesh, sensor_poses, self._offset, radar.frame_rate_hz)
         usable = np.isfinite(traced["amplitude"]).all(axis=1) & (traced["face"][:, 0] >= 0)
         mirrored, others = (
-            {name: values[usable & chosen] for name, values in traced.items()} for chosen in (traced["mirrored"], ~traced["mirrored"])
+            {name: values[usable & mask] for name, values in traced.items()} for mask in (traced["mirrored"], ~traced["mirrored"])
         )
         parts = [_specular(mirrored, mesh, sensor_poses), _diffracted(others, mesh, sensor_poses)]
         return [part for part in parts if len(part)]

@@ -117,5 +117,5 @@ def _excess_db(mesh: SionnaScene, traced: Mapping[str, np.ndarray], wavelength_m
 
 
 def _listed(names: Sequence[str]) -> str:
-    shown = ", ".join(repr(name) for name in names[:3])
-    return shown if len(names) <= 3 else f"{shown} and {len(names) - 3} more"
+    quoted = ", ".join(repr(name) for name in names[:3])
+    return quoted if len(names) <= 3 else f"{quoted} and {len(names) - 3} more"

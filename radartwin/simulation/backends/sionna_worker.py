@@ -78,9 +78,9 @@ def _build(mesh: SionnaScene) -> tuple[Any, "TabulatedMaterial"]:
 
 
 def _place(scene: Any, sensor: np.ndarray, offset_m: np.ndarray) -> None:
-    turn = mi.Point3f(*Rotation.from_matrix(sensor[:3, :3]).as_euler("ZYX").tolist())
+    orientation = mi.Point3f(*Rotation.from_matrix(sensor[:3, :3]).as_euler("ZYX").tolist())
     for name, place in (("transmitter", sensor[:3, 3]), ("receiver", sensor[:3, 3] + sensor[:3, :3] @ offset_m)):
-        scene.get(name).position, scene.get(name).orientation = mi.Point3f(*place.tolist()), turn
+        scene.get(name).position, scene.get(name).orientation = mi.Point3f(*place.tolist()), orientation
 
 
 def _hits(paths: Any) -> dict[str, np.ndarray]:

@@ -62,21 +62,21 @@ class StaticScene:
     @cached_property
     def _large(self) -> tuple[faces_module.Faces, np.ndarray]:
         """Return the flat faces of the large surfaces, and a mask (F,) of all triangles that belong to them."""
-        found, flat = faces_module.find(geometry_module.subset(self.geometry, ~self.small))
+        faces, flat = faces_module.find(geometry_module.subset(self.geometry, ~self.small))
         mask = np.zeros(len(self.small), bool)
         mask[np.flatnonzero(~self.small)[flat]] = True
-        return found, mask
+        return faces, mask
 
     @cached_property
     def is_flat(self) -> bool:
         """Return whether flat faces make up FLAT_SHARE of the area of the large surfaces, and are at most MAX_FACES."""
-        found, flat = self._large
+        faces, flat = self._large
         area = np.linalg.norm(self.geometry.area_vectors, axis=1)
-        if len(found.offset) == 0 or area[flat].sum() < FLAT_SHARE * area[~self.small].sum():
+        if len(faces.offset) == 0 or area[flat].sum() < FLAT_SHARE * area[~self.small].sum():
             return False
-        if len(found.offset) > MAX_FACES:
+        if len(faces.offset) > MAX_FACES:
             warnings.warn(
-                f"the room has {len(found.offset)} flat faces, over MAX_FACES = {MAX_FACES}; ray tubes trace it, without edge diffraction",
+                f"the room has {len(faces.offset)} flat faces, over MAX_FACES = {MAX_FACES}; ray tubes trace it, without edge diffraction",
                 RoomWarning, stacklevel=2,
             )  # fmt: skip
             return False
@@ -90,10 +90,10 @@ class StaticScene:
     @cached_property
     def room(self) -> FlatRoom:
         """Return the flat faces of the large surfaces as a room without small objects."""
-        found, walls = self._large[0], self.walls
-        usable = np.ones(len(found.offset), bool)
+        faces, walls = self._large[0], self.walls
+        usable = np.ones(len(faces.offset), bool)
         none = np.zeros(len(self.surfaces), bool)
-        return FlatRoom(found, usable, obstacles.build(walls.corners, walls.surface), shadows.edges_of(found), self.table, (), none)
+        return FlatRoom(faces, usable, obstacles.build(walls.corners, walls.surface), shadows.edges_of(faces), self.table, (), none)
 
     @cached_property
     def walls(self) -> Geometry:
@@ -116,15 +116,15 @@ class StaticScene:
         masks = [hiding & np.isin(self.geometry.surface, group) for group in groups]
         return [(group, silhouette.skin(geometry_module.subset(self.geometry, mask))) for group, mask in zip(groups, masks, strict=True)]
 
-    def beside(self, own: Sequence[int] = (), done: Sequence[int] = (), flat: bool = True) -> FlatRoom:
-        """Return the room for tracing the paths of an object. The surfaces `own` of the object do not hide the object.
+    def beside(self, members: Sequence[int] = (), done: Sequence[int] = (), flat: bool = True) -> FlatRoom:
+        """Return the room for tracing the paths of an object. The surfaces `members` of the object do not hide the object.
 
         Args:
-            own: surfaces of the object. done: other objects whose paths with this object are already traced; they hide this object, but do
-                not reflect.
+            members: surfaces of the object.
+            done: other objects whose paths with this object are already traced; they hide this object, but do not reflect.
             flat: whether paths may reflect at faces.
         """
-        key = tuple(own), tuple(done), flat
+        key = tuple(members), tuple(done), flat
         if key not in self._beside:
             self._beside[key] = self._without(*key)
         return self._beside[key]
@@ -133,14 +133,14 @@ class StaticScene:
     def _beside(self) -> dict[tuple, FlatRoom]:
         return {}
 
-    def _without(self, own: Sequence[int], done: Sequence[int], flat: bool) -> FlatRoom:
+    def _without(self, members: Sequence[int], done: Sequence[int], flat: bool) -> FlatRoom:
         room, objects = self.room, self._objects
-        mine = self.compact & np.isin(self.geometry.surface, list(own))
+        mine = self.compact & np.isin(self.geometry.surface, list(members))
         every = geometry_module.subset(self.geometry, ~mine)
-        usable = np.concatenate([room.usable, ~np.isin(objects.surface, [*own, *done])]) & flat
+        usable = np.concatenate([room.usable, ~np.isin(objects.surface, [*members, *done])]) & flat
         joined = faces_module.Faces.concatenate([room.faces, objects])
         edges = room.edges if flat else obstacles.build(np.zeros((0, 3, 3)), np.zeros(0, int))
-        bodies, outlined = [(group, skin) for group, skin in self._bodies if not set(group) & set(own)], room.outlined.copy()
+        bodies, outlined = [(group, skin) for group, skin in self._bodies if not set(group) & set(members)], room.outlined.copy()
         outlined[np.array([i for group, _ in bodies for i in group], int)] = True
         outlined[self.geometry.surface[~self.compact]] = False  # the flat faces of a surface that is not compact as a whole stay obstacles
         skins = [skin for _, skin in bodies]
@@ -236,12 +236,12 @@ def _thin(corners: np.ndarray) -> np.ndarray:
     mesh.merge_vertices(digits_vertex=7)
     body = trimesh.graph.connected_component_labels(mesh.face_adjacency, node_count=len(corners))
     thin = np.zeros(len(corners), bool)
-    for some in np.split(np.argsort(body, kind="stable"), np.cumsum(np.bincount(body))[:-1]) if len(corners) else ():
-        points = corners[some].reshape(-1, 3)
+    for face_ids in np.split(np.argsort(body, kind="stable"), np.cumsum(np.bincount(body))[:-1]) if len(corners) else ():
+        points = corners[face_ids].reshape(-1, 3)
         points = points - (points.min(axis=0) + points.max(axis=0)) / 2
         if _radius(points, np.linalg.svd(points, full_matrices=False)[2][:1]) <= 2 * THIN_M:
-            ways = (corners[some] - np.roll(corners[some], 1, axis=1)).reshape(-1, 3)
-            thin[some] = _radius(points, ways / np.linalg.norm(ways, axis=1, keepdims=True)) <= THIN_M
+            ways = (corners[face_ids] - np.roll(corners[face_ids], 1, axis=1)).reshape(-1, 3)
+            thin[face_ids] = _radius(points, ways / np.linalg.norm(ways, axis=1, keepdims=True)) <= THIN_M
     return thin
 
 

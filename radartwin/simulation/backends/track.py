@@ -74,26 +74,26 @@ class TracedPlaces:
         place = self.place_of(poses)
         frame, there = poses[:, :3, :3], self.places[place, :3, :3]
         shift = np.einsum("fji,fj->fi", there, poses[:, :3, 3] - self.places[place, :3, 3])
-        turn = np.swapaxes(frame, 1, 2) @ there
+        rotation = np.swapaxes(frame, 1, 2) @ there
         out = []
         for part, gain in zip(self.parts, self._gains, strict=True):
             amplitudes = np.cumsum(np.bincount(part.pose, minlength=len(self.places))[place]) * part.amplitude.shape[1]
             blocks = np.split(np.arange(len(poses)), np.flatnonzero(np.diff(amplitudes // MOVED)) + 1)
-            moved = [self._carried(part, gain, place[some], shift[some], turn[some], velocity[some]) for some in blocks]
+            moved = [self._carried(part, gain, place[block], shift[block], rotation[block], velocity[block]) for block in blocks]
             out.append(Paths.concatenate([
-                replace(one, poses=len(poses), pose=one.pose + some[0]) for one, some in zip(moved, blocks, strict=True)
+                replace(paths, poses=len(poses), pose=paths.pose + block[0]) for paths, block in zip(moved, blocks, strict=True)
             ]))  # fmt: skip
         return out
 
     def _carried(
-        self, part: Paths, gain: np.ndarray, place: np.ndarray, shift: np.ndarray, turn: np.ndarray, velocity: np.ndarray
+        self, part: Paths, gain: np.ndarray, place: np.ndarray, shift: np.ndarray, rotation: np.ndarray, velocity: np.ndarray
     ) -> Paths:
         """Move the paths of the nearest traced sensor position (index (F,)) to each of F sensor poses, and merge them.
 
         Args:
             gain: (N,) antenna gain of the paths of `part`.
             shift: (F, 3) from place to pose, in the sensor frame at the place.
-            turn: (F, 3, 3) from this frame to the sensor frame at the pose.
+            rotation: (F, 3, 3) from this frame to the sensor frame at the pose.
             velocity: (F, 3) of the sensor in the sensor frame at the pose.
         """
         assert part.mirror is None
@@ -105,7 +105,7 @@ class TracedPlaces:
         length, way = np.empty((2, total)), np.empty((2, total, 3))
         rate = np.empty(total)
         read = (part.amplitude, part.bounces, part.length_in_m, part.length_out_m, part.departure, part.arrival)
-        shared_out(_carry, len(place), start, first[place], shift, turn, velocity, *read, amplitude, bounces, length, way, rate)
+        shared_out(_carry, len(place), start, first[place], shift, rotation, velocity, *read, amplitude, bounces, length, way, rate)
         pose = np.repeat(np.arange(len(place)), count)
         moved = Paths(len(place), pose, bounces, amplitude, part.frequencies_hz, length[0], length[1], way[0], way[1], rate)
         return merged(moved, self.radar, gain[np.arange(total) + (first[place] - start[:-1])[pose]])
@@ -268,13 +268,13 @@ class Track:
         """Return the index (F,) of the place that is closest to each of F sensor poses (F, 4, 4)."""
         return closest(self._places, self._settings.place_spacing_m or SPACING_M, poses)
 
-    def _joined(self, chosen: Sequence[np.ndarray], some: Sequence[Sequence[Paths]]) -> TracedPlaces:
-        """Return the TracedPlaces of the paths `some` that were traced at the places with the increasing indices `chosen`.
+    def _joined(self, indices: Sequence[np.ndarray], traced: Sequence[Sequence[Paths]]) -> TracedPlaces:
+        """Return the TracedPlaces of the paths `traced` that were traced at the places with the increasing `indices`.
 
         Paths with the same frequency nodes become one `Paths` object.
         """
         alike: dict[bytes, list[Paths]] = {}
-        for of, index in zip(some, chosen, strict=True):
+        for of, index in zip(traced, indices, strict=True):
             for part in of:
                 moved = replace(part, poses=len(self._places), pose=index[part.pose])
                 alike.setdefault(part.frequencies_hz.tobytes(), []).append(moved)
@@ -306,8 +306,8 @@ class Track:
         index = np.arange(len(self._places)) if drive is None else np.unique(self._place_of(drive))
         blocks = np.array_split(index, -(-len(index) // TOGETHER))
         settings, at_rest = self._thinned(OVER_ROOM), np.eye(4)[None]
-        some = [self._moving(settings, surfaces, self._places[block], at_rest, aside, direct=False)[1:] for block in blocks]
-        return self._joined(blocks, some)
+        traced = [self._moving(settings, surfaces, self._places[block], at_rest, aside, direct=False)[1:] for block in blocks]
+        return self._joined(blocks, traced)
 
     def moving(
         self, surfaces: Sequence[Surface], sensor: np.ndarray, poses: np.ndarray, coupled: bool = True, aside: np.ndarray | None = None,
@@ -322,17 +322,17 @@ class Track:
                 ball around the nominal position, so that all objects placed there share these legs.
             shadow: whether to include the changes of the flat room's paths in the shadow of the object (`shadow`).
         """
-        found = [
+        parts = [
             merged(part, self._radar)
             for part in self._moving(self._settings if coupled else replace(self._settings, coupling=False), surfaces, sensor, poses, aside)
         ]
         body = diffuse.Body(surfaces, geometry.build([s.mesh for s in surfaces]), poses)
         if shadow:
-            found += self.shadow(surfaces, sensor, poses)
+            parts += self.shadow(surfaces, sensor, poses)
         if not self._settings.diffuse:
-            return found
+            return parts
         others = [] if self._room is None else [diffuse.Body(self._room.surfaces, self._room.geometry, np.eye(4)[None])]
-        return [*found, diffuse.mover_paths(body, others, self._radar, sensor)]
+        return [*parts, diffuse.mover_paths(body, others, self._radar, sensor)]
 
     def shadow(self, surfaces: Sequence[Surface], sensor: np.ndarray, poses: np.ndarray) -> list[Paths]:
         """Return the paths that add the shadow of an object to the paths of the room; arguments as in `moving`."""
@@ -431,12 +431,12 @@ def covering(poses: np.ndarray, spacing_m: float) -> np.ndarray:
 
     def find() -> np.ndarray:
         points, reach = _points(poses, spacing_m), 0.5 * spacing_m * (1 + 1e-9)
-        chosen, left = [], np.arange(len(poses))
+        places, left = [], np.arange(len(poses))
         while len(left):
             beyond = np.linalg.norm(points[left[0] :] - points[left[0]], axis=1) > reach
-            chosen.append(left[0] + (int(beyond.argmax()) if beyond.any() else len(beyond)) - 1)
-            left = left[np.linalg.norm(points[left] - points[chosen[-1]], axis=1) > reach]
-        return np.array(chosen)
+            places.append(left[0] + (int(beyond.argmax()) if beyond.any() else len(beyond)) - 1)
+            left = left[np.linalg.norm(points[left] - points[places[-1]], axis=1) > reach]
+        return np.array(places)
 
     return _covered.get((array_digest(poses), spacing_m), 1, find)
 
@@ -456,7 +456,7 @@ def _points(poses: np.ndarray, spacing_m: float) -> np.ndarray:
 
 @compiled
 def _carry(
-    low, high, start, first, shift, turn, velocity, amplitude, bounces, length_in, length_out, departure, arrival,
+    low, high, start, first, shift, rotation, velocity, amplitude, bounces, length_in, length_out, departure, arrival,
     amplitude_to, bounces_to, length_to, way_to, rate_to,
 ):  # fmt: skip
     """For each sensor pose from `low` to `high`, move the paths of the nearest traced sensor position (place) to this pose and write them
@@ -479,7 +479,7 @@ def _carry(
                 size = np.sqrt(size)
                 length_to[end, row] = size
                 for i in range(3):
-                    turned = (turn[f, i, 0] * moved[0] + turn[f, i, 1] * moved[1] + turn[f, i, 2] * moved[2]) / size
+                    turned = (rotation[f, i, 0] * moved[0] + rotation[f, i, 1] * moved[1] + rotation[f, i, 2] * moved[2]) / size
                     way_to[end, row, i] = turned
                     total -= turned * velocity[f, i]
             rate_to[row] = total

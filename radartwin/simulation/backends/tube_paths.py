@@ -59,7 +59,7 @@ def room_paths(surfaces: Sequence[Surface], target: Target, settings: TraceSetti
     cluster = cluster_of_surface[target.geometry.surface]
     sensor, velocity = poses_module.relative(poses, None, radar.frame_rate_hz)
     every = np.arange(len(poses))
-    found: list[tuple[int, np.ndarray, tube_grid.TubeGrid]] = []  # cluster that the tubes must hit first, poses, and grid
+    tasks: list[tuple[int, np.ndarray, tube_grid.TubeGrid]] = []  # cluster that the tubes must hit first, poses, and grid
     alone = not (cluster == ROOM).any()
     body = polygons.of(target.geometry, target.table) if alone else None
     if body is not None:
@@ -70,22 +70,22 @@ def room_paths(surfaces: Sequence[Surface], target: Target, settings: TraceSetti
     if not alone:
         faces = 6 if radar.sees_behind else 5
         rays = settings.rays or _room_rays(target.geometry, sensor[:, :3, 3], radar.wavelength_m)
-        found += [(ROOM, every, grid) for grid in tube_grid.all_around(sensor[:, :3, 3], sensor[:, :3, :3], rays, faces)]
+        tasks += [(ROOM, every, grid) for grid in tube_grid.all_around(sensor[:, :3, 3], sensor[:, :3, :3], rays, faces)]
     for label in range(ROOM + 1, ROOM + 1 + len(objects)):
         part = geometry_module.subset(target.geometry, cluster == label)
         if len(part.corners):
             cell = cell_m(part, settings, sensor[:1, :3, 3], radar, alone)
-            found += [(label, *rows_and_grid) for rows_and_grid in grids(part, sensor[:, :3, 3], sensor[:, :3, :3], cell)]
+            tasks += [(label, *rows_and_grid) for rows_and_grid in grids(part, sensor[:, :3, 3], sensor[:, :3, :3], cell)]
     # Weak paths are dropped separately for each cluster, because a single narrow tube of an object is far weaker than the echo of a wall,
     # although the sum of the object's tubes is not. The paths of each grid are pruned first, to save memory.
     parts: dict[int, list[Paths]] = {}
-    for label, rows, grid in found:
+    for label, rows, grid in tasks:
         antenna = Antennas(sensor[rows, :3, 3], sensor[rows, :3, 2])
         options = TraceOptions(settings.max_bounces, cluster, label, prune=TRACED, hats=label == ROOM)
         hits = tubes.trace(target.geometry, target.table, grid, antenna, antenna, options)
         part = _in_sensor_frame(replace(hits, pose=rows[hits.pose]), target.table, sensor, velocity)
         parts.setdefault(label, []).append(pruned(part, radar, PRUNE))
-    return Paths.concatenate([pruned(Paths.concatenate(some), radar, PRUNE) for some in parts.values()])
+    return Paths.concatenate([pruned(Paths.concatenate(group), radar, PRUNE) for group in parts.values()])
 
 
 def cell_m(geometry: Geometry, settings: TraceSettings, source: np.ndarray, radar: Radar, alone: bool) -> float:
@@ -101,17 +101,17 @@ def cell_m(geometry: Geometry, settings: TraceSettings, source: np.ndarray, rada
     return float(cell)
 
 
-def clusters(surfaces: Sequence[Surface], chosen: np.ndarray) -> list[list[int]]:
-    """Group the surface indices `chosen` into clusters that are traced together.
+def clusters(surfaces: Sequence[Surface], indices: np.ndarray) -> list[list[int]]:
+    """Group the surfaces with these `indices` into clusters that are traced together.
 
     Surfaces whose bounding boxes are closer than NEIGHBOUR_M belong to one cluster.
     """
-    if len(chosen) < 2:
-        return [[i] for i in chosen.tolist()]
-    box = np.array([surfaces[i].mesh.bounds for i in chosen])
+    if len(indices) < 2:
+        return [[i] for i in indices.tolist()]
+    box = np.array([surfaces[i].mesh.bounds for i in indices])
     gap = np.maximum(box[:, None, 0] - box[None, :, 1], box[None, :, 0] - box[:, None, 1]).max(axis=2)
     number, label = connected_components(gap < NEIGHBOUR_M, directed=False)
-    return [chosen[label == k].tolist() for k in range(number)]
+    return [indices[label == k].tolist() for k in range(number)]
 
 
 def grids(geometry: Geometry, place: np.ndarray, rotation: np.ndarray, cell_m: float) -> Iterator[tuple[np.ndarray, tube_grid.TubeGrid]]:
@@ -142,8 +142,8 @@ def _in_sensor_frame(hits: Hits, table: ReflectionTable, sensor: np.ndarray, vel
         table: reflection table with the frequency nodes of the hits.
         sensor: (F, 4, 4) sensor poses and velocity: (F, 3) sensor velocities in m/s, both in the frame of the hits.
     """
-    turn = sensor[hits.pose, :3, :3]
-    departure, arrival = (np.einsum("nij,ni->nj", turn, d) for d in (hits.departure, hits.arrival))
+    rotation = sensor[hits.pose, :3, :3]
+    departure, arrival = (np.einsum("nij,ni->nj", rotation, d) for d in (hits.departure, hits.arrival))
     rate = -np.einsum("ni,ni->n", hits.departure + hits.arrival, velocity[hits.pose])
     return Paths(
         len(sensor), hits.pose, hits.bounce, hits.amplitude, table.frequencies_hz, hits.length_in_m, hits.length_out_m,

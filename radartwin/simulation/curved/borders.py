@@ -63,11 +63,11 @@ class Pieces(NamedTuple):
 def edges(geometry: Geometry) -> Edges:
     """Return the edges of a geometry at which a smooth patch ends. These are sharp edges and edges without exactly two faces."""
     if geometry not in _edges:
-        _edges[geometry] = _found(geometry)
+        _edges[geometry] = _sharp_edges(geometry)
     return _edges[geometry]
 
 
-def _found(geometry: Geometry) -> Edges:
+def _sharp_edges(geometry: Geometry) -> Edges:
     corners = geometry.corners
     points, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
     index = index.reshape(-1, 3)
@@ -77,9 +77,9 @@ def _found(geometry: Geometry) -> Edges:
     last = np.zeros(len(first), int)
     np.maximum.at(last, of.ravel(), np.arange(len(pairs)))
     face = np.stack([first // 3, last // 3], axis=1)
-    turn = np.arccos(np.clip(np.einsum("ei,ei->e", normals[face[:, 0]], normals[face[:, 1]]), -1, 1))
+    angle = np.arccos(np.clip(np.einsum("ei,ei->e", normals[face[:, 0]], normals[face[:, 1]]), -1, 1))
     single = count != 2
-    keep = single | (turn > SMOOTH_EDGE_RAD)
+    keep = single | (angle > SMOOTH_EDGE_RAD)
     face = face[keep]
     ends = points[pairs[first[keep]]]
     beyond = corners[face[:, 1]].mean(axis=1) - ends[:, 0]
@@ -100,10 +100,10 @@ def cut(
     Returns:
         The pieces of all squares that a border crosses, in ascending order of squares.
     """
-    some = edges(geometry)
+    borders = edges(geometry)
     if among is not None:
-        near = among[some.face].any(axis=1)
-        some = Edges(*(fixed(values[near]) for values in some))
+        near = among[borders.face].any(axis=1)
+        borders = Edges(*(fixed(values[near]) for values in borders))
     if fine is None:
         fine = np.zeros((1, grid.count_v + 1, grid.count_u + 1), bool)
     frame = np.stack([grid.forward, grid.u_axis, grid.v_axis], axis=1)
@@ -113,7 +113,7 @@ def cut(
     def written(begin: int, stop: int, rows: int) -> list[np.ndarray] | None:
         rows *= stop - begin
         out = Pieces(np.empty(rows, np.int64), np.empty((rows, 2)), np.empty((rows, CORNERS, 2)))
-        count = _cut(poses[0] + begin, poses[0] + stop, *some[:3], *places, fine, poses[0], grid.plane, out)
+        count = _cut(poses[0] + begin, poses[0] + stop, *borders[:3], *places, fine, poses[0], grid.plane, out)
         return [array[:count] for array in out] if count >= 0 else None
 
     return Pieces(*gathered(written, poses[1] - poses[0], FIRST_ROWS))
@@ -122,7 +122,7 @@ def cut(
 @compiled
 def _cut(begin, stop, ends, normal, solid, source, frame, scale, fine, origin, plane, out):  # fmt: skip
     """Compute `cut` for the poses `begin` to `stop` - 1. Returns the number of pieces, or -1 if `out` is too short."""
-    used = 0
+    count = 0
     rows, columns = fine.shape[1:]
     capacity = 4 * (rows + columns) + 4 * len(ends)
     cell, line = np.empty(capacity, np.int64), np.empty((capacity, 4))
@@ -153,13 +153,13 @@ def _cut(begin, stop, ends, normal, solid, source, frame, scale, fine, origin, p
                 high += 1
             square = f * rows * columns + here
             side = PIECES if fine[(f - origin) % len(fine), here // columns, here % columns] else 1
-            used = _divide(
-                order[low:high], line, square, rows, columns, side, pieces, counts, spare, lines, out.square, out.centre, out.corner, used
+            count = _divide(
+                order[low:high], line, square, rows, columns, side, pieces, counts, spare, lines, out.square, out.centre, out.corner, count
             )
-            if used < 0:
+            if count < 0:
                 return -1
             low = high
-    return used
+    return count
 
 
 @innermost
@@ -218,7 +218,7 @@ def _mark(at: np.ndarray, rows: int, columns: int, cell: np.ndarray, line: np.nd
 
 
 @innermost
-def _divide(order, line, cell, rows, columns, side, pieces, counts, spare, lines, out_square, out_centre, out_corner, used: int) -> int:
+def _divide(order, line, cell, rows, columns, side, pieces, counts, spare, lines, out_square, out_centre, out_corner, count: int) -> int:
     """Cut one square, or the `side`^2 smaller ones in it, along the lines `order`, and write the pieces. Returns the number of pieces,
     or -1 if the output is too short.
     """
@@ -251,6 +251,7 @@ def _divide(order, line, cell, rows, columns, side, pieces, counts, spare, lines
             pieces[p, i, 0] = (p % side + (1 if i in (1, 2) else 0)) / side - 0.5
             pieces[p, i, 1] = (p // side + (1 if i > 1 else 0)) / side - 0.5
         counts[p] = 4
+    # each cut divides every piece that has a part on both of its sides
     for i in range(cuts):
         for p in range(number):
             left = clip(pieces[p], counts[p], (lines[i, 0], lines[i, 1], 0.0), lines[i, 2], spare[0])
@@ -265,8 +266,9 @@ def _divide(order, line, cell, rows, columns, side, pieces, counts, spare, lines
         start = 1
         while start < counts[p] - 1:
             end = min(start + CORNERS - 2, counts[p] - 1)
-            if used == len(out_square):
+            if count == len(out_square):
                 return -1
+            # area and centroid, from triangles at corner 0
             area, x, y = 0.0, 0.0, 0.0
             for k in range(start, end):
                 ax, ay = pieces[p, k, 0] - pieces[p, 0, 0], pieces[p, k, 1] - pieces[p, 0, 1]
@@ -277,10 +279,10 @@ def _divide(order, line, cell, rows, columns, side, pieces, counts, spare, lines
                 y += part * (ay + by) / 3
             if area > SLIVER / (side * side):
                 x, y = pieces[p, 0, 0] + x / area, pieces[p, 0, 1] + y / area
-                out_square[used], out_centre[used, 0], out_centre[used, 1] = cell, column - 0.5 + x, row - 0.5 + y
+                out_square[count], out_centre[count, 0], out_centre[count, 1] = cell, column - 0.5 + x, row - 0.5 + y
                 for k in range(CORNERS):
                     source = 0 if k == 0 else min(start + k - 1, end)
-                    out_corner[used, k, 0], out_corner[used, k, 1] = pieces[p, source, 0] - x, pieces[p, source, 1] - y
-                used += 1
+                    out_corner[count, k, 0], out_corner[count, k, 1] = pieces[p, source, 0] - x, pieces[p, source, 1] - y
+                count += 1
             start = end
-    return used
+    return count

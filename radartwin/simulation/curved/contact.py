@@ -153,8 +153,8 @@ def count_caustics(tubes: Tubes, distance: Any) -> None:
     there = here + slope + between
     turning = -0.5 * slope  # turning/between is the fraction of `distance` at which the quadratic cross-section has its extremum
     both = _alike(here, there) & _alike(here, between) & _alike(turning, between) & (dr.abs(turning) < dr.abs(between))
-    one = _alike(here, -there)
-    tubes.caustics = tubes.caustics + dr.select(one, mi.UInt32(1), dr.select(both, mi.UInt32(2), 0))
+    single = _alike(here, -there)
+    tubes.caustics = tubes.caustics + dr.select(single, mi.UInt32(1), dr.select(both, mi.UInt32(2), 0))
 
 
 def _alike(a: Any, b: Any) -> Any:
@@ -195,8 +195,8 @@ def bounce(device: Device, tubes: Tubes, contact: Contact, active: Any) -> Any:
     spreads = [d - contact.normal * (2 * dr.dot(d, contact.normal)) for d in (tubes.direction_du, tubes.direction_dv)]
     if device.curved:
         for i, step in enumerate(steps):
-            turn = contact.turn(step)
-            spreads[i] = spreads[i] + turn * (2 * contact.cosine) - contact.normal * (2 * dr.dot(tubes.direction, turn))
+            bend = contact.turn(step)
+            spreads[i] = spreads[i] + bend * (2 * contact.cosine) - contact.normal * (2 * dr.dot(tubes.direction, bend))
     tubes.position_du, tubes.position_dv, tubes.direction_du, tubes.direction_dv = *steps, *spreads
     active = active & leave(device, tubes, contact)
     return cast(device, tubes, False, active)

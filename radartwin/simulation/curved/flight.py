@@ -111,9 +111,9 @@ class Tubes:
             if values[0] is None:
                 return None
             if isinstance(values[0], list | tuple):
-                return [join(list(some)) for some in zip(*values, strict=True)]
+                return [join(list(column)) for column in zip(*values, strict=True)]
             if isinstance(values[0], mi.Vector3f):
-                return mi.Vector3f(*(join(list(some)) for some in zip(*values, strict=True)))
+                return mi.Vector3f(*(join(list(column)) for column in zip(*values, strict=True)))
             whole = dr.empty(type(values[0]), sum(counts))
             for value, place in zip(values, places, strict=True):
                 dr.scatter(whole, value, place)

@@ -24,11 +24,11 @@ class Encounters:
     """Hold the K facets that each of N tubes met in turn. `code` is twice the number of the surface, plus 1 for transmission."""
 
     code: np.ndarray  # (K, N) uint32
-    turn: np.ndarray  # (K, 3, N) float32: cosine of incidence, and cosine and sine of the angle by which the field's components turn
+    angles: np.ndarray  # (K, 3, N) float32: cosine of incidence, and cosine and sine of the angle by which the field's components turn
 
     def where(self, keep: np.ndarray) -> "Encounters":
         """Return the encounters of the tubes that the indices `keep` select."""
-        return Encounters(np.ascontiguousarray(self.code[:, keep]), np.ascontiguousarray(self.turn[:, :, keep]))
+        return Encounters(np.ascontiguousarray(self.code[:, keep]), np.ascontiguousarray(self.angles[:, :, keep]))
 
 
 class Coefficients:
@@ -58,7 +58,7 @@ class Coefficients:
         """
         out = np.empty((received.shape[1], len(nodes)), complex)
         received, size = np.ascontiguousarray(received), np.ascontiguousarray(size)  # so that the compiled function has one version only
-        arguments = nodes, before.code, before.turn, after.code, after.turn, received, size, least, *self.values, out
+        arguments = nodes, before.code, before.angles, after.code, after.angles, received, size, least, *self.values, out
         shared_out(_amplitudes, len(out), *arguments, grain=-(-GRAIN // len(nodes)))
         return out
 
@@ -101,27 +101,31 @@ def _amplitudes(
             incident = np.sqrt(received[i, n] ** 2 + received[i + 1, n] ** 2)
             most += (incident + np.sqrt(received[i + 2, n] ** 2 + received[i + 3, n] ** 2)) ** 2
         most *= size[0, n] ** 2 + size[1, n] ** 2
+        # outward: reflection and transmission on the way to the last facet
         power = 1.0
         for k in range(end):
             if most * power < least[n] ** 2:
                 break
-            code, turn = np.int64(code_before[k, n]), before[k, :, n]
-            _meet(a, b, nodes, code, turn[0], turn[1], turn[2], te, tm, through_te, through_tm)
+            code, angles = np.int64(code_before[k, n]), before[k, :, n]
+            _meet(a, b, nodes, code, angles[0], angles[1], angles[2], te, tm, through_te, through_tm)
             power = _largest_power(a, b)
         if most * power < least[n] ** 2:
             out[n] = 0
             continue
+        # back: the receive polarisation vector through the walls
         for k in range(len(code_after)):
-            code, turn = np.int64(code_after[k, n]), after[k, :, n]
-            _meet(x, y, nodes, code, turn[0], turn[1], turn[2], te, tm, through_te, through_tm)
-            back_cos, back_sin = back_cos * turn[1] - back_sin * turn[2], back_sin * turn[1] + back_cos * turn[2]
-        turn = before[end, :, n]
+            code, angles = np.int64(code_after[k, n]), after[k, :, n]
+            _meet(x, y, nodes, code, angles[0], angles[1], angles[2], te, tm, through_te, through_tm)
+            back_cos, back_sin = back_cos * angles[1] - back_sin * angles[2], back_sin * angles[1] + back_cos * angles[2]
+        # at the last facet: TE and TM components of the incident field (s, p) and of the reflected field (a, b)
+        angles = before[end, :, n]
         for i in range(count):
-            s[i], p[i] = a[i] * turn[1] + b[i] * turn[2], b[i] * turn[1] - a[i] * turn[2]
+            s[i], p[i] = a[i] * angles[1] + b[i] * angles[2], b[i] * angles[1] - a[i] * angles[2]
             a[i], b[i] = s[i], p[i]
-        _meet(a, b, nodes, np.int64(code_before[end, n]), turn[0], np.float32(1), np.float32(0), te, tm, through_te, through_tm)
+        _meet(a, b, nodes, np.int64(code_before[end, n]), angles[0], np.float32(1), np.float32(0), te, tm, through_te, through_tm)
         factor = complex(size[0, n], size[1, n])
         for i in range(count):
+            # components that radiate along the polarisation vector without walls and across it, then both as seen through the walls
             along = received[0, n] * s[i] + received[1, n] * p[i] + received[2, n] * a[i] + received[3, n] * b[i]
             aside = received[4, n] * s[i] + received[5, n] * p[i] + received[6, n] * a[i] + received[7, n] * b[i]
             mine, other = x[i] * back_cos - y[i] * back_sin, x[i] * back_sin + y[i] * back_cos

@@ -168,8 +168,8 @@ def _strengths(begin, stop, rims, source, forward, transmit, receiver, receive, 
                 total += _face(x, n, rims.opening[m], way, away, electric, cross(way, electric), got)
             # the phase along the straight piece
             along = dot(cross(rims.into[m, 0], rims.normal[m, 0]), toward(away, way, 1.0))
-            turn = 0.5 * wavenumber * rims.length[m] * along
-            width = math.sin(turn) / turn if abs(turn) > 1e-6 else 1.0
+            phase = 0.5 * wavenumber * rims.length[m] * along
+            width = math.sin(phase) / phase if abs(phase) > 1e-6 else 1.0
             out[f, m] = total * width * rims.length[m] / (2 * math.pi * (1.0 if plane else there * back))
 
 

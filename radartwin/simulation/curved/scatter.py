@@ -206,9 +206,9 @@ def triangle_integral(p0: Any, p1: Any, p2: Any) -> tuple[Any, Any]:
     """
     first, second, third = dr.abs(p1 - p2), dr.abs(p2 - p0), dr.abs(p0 - p1)
     middle = dr.select(first >= dr.maximum(second, third), p0, dr.select(second >= third, p1, p2))
-    one = dr.select(middle == p0, p1, p0)
-    other = p0 + p1 + p2 - middle - one
-    a, b = one - middle, other - middle
+    end_1 = dr.select(middle == p0, p1, p0)
+    end_2 = p0 + p1 + p2 - middle - end_1
+    a, b = end_1 - middle, end_2 - middle
     far = dr.abs(a - b)
     scale = dr.rcp(dr.select(far < CLOSE, 1.0, b - a))
     means = []

@@ -151,8 +151,8 @@ class Tracer:
         waiting: dict[tuple[int, int], list[Tubes]] = {(1, 0): [tubes]}
         while waiting:
             done = min(waiting, key=sum)  # no other waiting tubes can still come to the same (bounce, crossed)
-            found, onward = self._step(Tubes.joined(waiting.pop(done)), *done, active, strongest, corner)
-            yield from found
+            hits, onward = self._step(Tubes.joined(waiting.pop(done)), *done, active, strongest, corner)
+            yield from hits
             for going, following in onward:
                 waiting.setdefault(following, []).append(going)
             active = mi.Bool(True)
@@ -183,14 +183,14 @@ class Tracer:
             onwards = [(tubes, contacts.bounce(self.device, tubes, contact, reflected))]
         # Evaluate all ray casts in one kernel, because Dr.Jit would cast the rays of an unevaluated array again at each read.
         dr.eval(straight, tubes, lanes, seen, *(going for _, going in onwards))
-        found = self._hits(lanes, seen, bounce, strongest, None if clear else self.panes)
+        hits = self._hits(lanes, seen, bounce, strongest, None if clear else self.panes)
         waiting = []
-        for some, more in ((straight, (bounce, crossed + 1)), (onwards, (bounce + 1, crossed))):
-            for going, mask in some:
+        for group, more in ((straight, (bounce, crossed + 1)), (onwards, (bounce + 1, crossed))):
+            for going, mask in group:
                 alive = dr.compress(mask)
                 if dr.width(alive):
                     waiting.append((going.compacted(alive), more))
-        return found, waiting
+        return hits, waiting
 
     def _hits(self, lanes: list, seen: Any, bounce: int, strongest: np.ndarray, panes: Sheets | None = None) -> list[Hits]:
         """Return the hits among the results `lanes` of `Setting.lanes` that the mask `seen` selects, also behind `panes`."""
@@ -203,7 +203,7 @@ class Tracer:
         if panes:
             reach = dr.full(mi.Float, dr.inf, dr.width(origin)) if self.grid.plane else (1 - SHORT) * mi.Float(hits[2])
             groups = ((picked(hits, free), met) for free, met in panes.free(Line(origin, hits[4], reach, across), self.grid.plane))
-        return [self._read(some, met, bounce, strongest) for some, met in groups]
+        return [self._read(group, met, bounce, strongest) for group, met in groups]
 
     def _meet(self, tubes: Tubes, bounce: int, active: Any) -> tuple[Contact, Contact, Any, Any]:
         """Move the tubes to their next facet.
@@ -248,7 +248,7 @@ class Tracer:
         dr.eval(lanes, met)
         pose, *read, echo, before = lanes
         pose, echo = pose.numpy(), _rows(echo)
-        before, after = (_encounters(some, len(pose)) for some in (before, met))
+        before, after = (_encounters(facets, len(pose)) for facets in (before, met))
         coefficients, prune = self.coefficients, self.options.prune
         floor = np.zeros(len(strongest)) if self.options.least is None else EARLY * self.options.least
         rough = coefficients.amplitudes(coefficients.few, before, after, echo[2:], echo[:2], np.maximum(floor, prune * strongest)[pose])
@@ -283,8 +283,8 @@ def _rows(lanes: Sequence[Any]) -> np.ndarray:
     return np.stack([lane.numpy() for lane in lanes])
 
 
-def _encounters(some: Sequence[Sequence[Any]], count: int) -> Encounters:
+def _encounters(facets: Sequence[Sequence[Any]], count: int) -> Encounters:
     """Copy the encounters of `count` tubes from the device."""
-    if not some:
+    if not facets:
         return Encounters(np.zeros((0, count), np.uint32), np.zeros((0, 3, count), np.float32))
-    return Encounters(_rows([met[0] for met in some]), np.stack([_rows(met[1:]) for met in some]))
+    return Encounters(_rows([met[0] for met in facets]), np.stack([_rows(met[1:]) for met in facets]))

@@ -62,24 +62,24 @@ def at_face(te: np.ndarray, tm: np.ndarray, surface: int, normal: Vector, before
 
 @innermost
 def cross_panes(
-    tree: Hierarchy, te: np.ndarray, tm: np.ndarray, start: Point, stop: Point, found: np.ndarray, count: int, field: np.ndarray
+    tree: Hierarchy, te: np.ndarray, tm: np.ndarray, start: Point, stop: Point, pane_ids: np.ndarray, count: int, field: np.ndarray
 ) -> None:
     """Multiply a field in place by the transmission of the panes between two points.
 
     Args:
         te, tm: (surfaces, C, Q) transmission tables.
         start, stop: (3,) ends of the line; the direction of travel does not matter.
-        found, count: triangles on the line, from `obstacles.crossed`.
+        pane_ids, count: triangles on the line, from `obstacles.crossed`.
         field: (Q, 3) field across the line.
     """
     if count == 0:
         return
     way = toward(start, stop, distance(start, stop))
     for i in range(count):
-        t = found[i]
+        t = pane_ids[i]
         place, known = _place(tree, t, start, way), False
         for j in range(i):
-            other = found[j]
+            other = pane_ids[j]
             known |= tree.label[other] == tree.label[t] and abs(_place(tree, other, start, way) - place) < SAME_M
         if not known:
             at_face(te, tm, tree.label[t], _normal(tree, t), way, way, field)
@@ -91,9 +91,9 @@ def _fill(
     end: np.ndarray, unit: np.ndarray, ways: int, panes: np.ndarray, factor: np.ndarray,
 ) -> None:  # fmt: skip
     """Compute the panes and factors of the lines `begin` to `stop` - 1 for `factors`."""
-    found, field = np.empty(MAX_PANES, np.int64), np.empty((te.shape[2], 3), np.complex128)
+    pane_ids, field = np.empty(MAX_PANES, np.int64), np.empty((te.shape[2], 3), np.complex128)
     for n in range(begin, stop):
-        panes[n] = crossed(tree, start[n], end[n], opaque, found)
+        panes[n] = crossed(tree, start[n], end[n], opaque, pane_ids)
         for q in range(te.shape[2]):
             factor[n, q] = 1 + min(panes[n], 0)
             for k in range(3):
@@ -101,7 +101,7 @@ def _fill(
         if panes[n] <= 0:
             continue
         for _ in range(ways):
-            cross_panes(tree, te, tm, start[n], end[n], found, panes[n], field)
+            cross_panes(tree, te, tm, start[n], end[n], pane_ids, panes[n], field)
         for q in range(te.shape[2]):
             factor[n, q] = field[q, 0] * unit[n, 0] + field[q, 1] * unit[n, 1] + field[q, 2] * unit[n, 2]
 

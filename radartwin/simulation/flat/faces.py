@@ -104,7 +104,7 @@ def find(geometry: Geometry, smallest_m: float = SMALLEST_M) -> tuple[Faces, np.
     """
     regions, flat = _regions(geometry, smallest_m)
     _close_gaps(regions)
-    regions = [part for one in _without_overlaps(regions, smallest_m) for part in _parts(one, smallest_m)]
+    regions = [part for region in _without_overlaps(regions, smallest_m) for part in _parts(region, smallest_m)]
     return _packed(regions, _wedges(regions)), flat
 
 
@@ -145,8 +145,8 @@ def _close_gaps(regions: list[_Region]) -> None:
         start = np.linalg.lstsq(pair, np.array(offsets), rcond=None)[0]
         along /= np.linalg.norm(along)
         strips = [_strip(thin[k], start, along) for k in (i, j)]
-        one, other = (shapely.union_all([LineString([(t, 0), (u, 0)]) for t, u, _, _ in strip]) for strip in strips)
-        common = shapely.intersection(one, other)
+        first, second = (shapely.union_all([LineString([(t, 0), (u, 0)]) for t, u, _, _ in strip]) for strip in strips)
+        common = shapely.intersection(first, second)
         if common.length > SHORTEST_M:
             for k, strip in zip((i, j), strips, strict=True):
                 _extend(thin[k], start, along, strip, common)
@@ -178,12 +178,13 @@ def _extend(region: _Region, start: np.ndarray, along: np.ndarray, strip: list[t
     """Fill the area between a line and the sides of a region in the common places (multiple) line string."""
     origin, way = region.to_plane(start), region.axes @ along
     away = np.array([-way[1], way[0]])
-    for first, last, one, two in strip:
+    for first, last, gap_first, gap_last in strip:
         for part in shapely.get_parts(shapely.intersection(common, LineString([(first, 0), (last, 0)]))):
-            if max(abs(one), abs(two)) < SAME_M or part.length < SHORTEST_M:  # they meet already, or have at most a point in common
+            # they meet already, or have at most a point in common
+            if max(abs(gap_first), abs(gap_last)) < SAME_M or part.length < SHORTEST_M:
                 continue
             t = np.array(part.coords)[[0, -1], 0]
-            gap = np.interp(t, (first, last), (one, two))
+            gap = np.interp(t, (first, last), (gap_first, gap_last))
             ring = [*(origin + t[:, None] * way), *(origin + t[::-1, None] * way + gap[::-1, None] * away)]
             # The ring crosses itself if the side crosses the line, and is a triangle and a line if the side only touches the line.
             gaps = shapely.make_valid(Polygon(ring), method="structure", keep_collapsed=False)
@@ -236,16 +237,16 @@ def _without_overlaps(regions: list[_Region], smallest_m: float) -> list[_Region
     near = _Boxes.of([region.corners() for region in regions])
     kept: dict[int, _Region] = {}
     for i in order:
-        one = regions[i]
-        corners = one.to_space(shapely.get_coordinates(one.polygon.convex_hull))
+        larger = regions[i]
+        corners = larger.to_space(shapely.get_coordinates(larger.polygon.convex_hull))
         for j in sorted((j for j in near.touching(corners).tolist() if j in kept), key=rank.__getitem__):
-            other = kept[j]
-            if abs(one.normal @ other.normal) < 1 - 1e-6 or np.abs((corners - other.origin) @ other.normal).max() > SAME_M:
+            smaller = kept[j]
+            if abs(larger.normal @ smaller.normal) < 1 - 1e-6 or np.abs((corners - smaller.origin) @ smaller.normal).max() > SAME_M:
                 continue
-            cover = shapely.transform(other.polygon, lambda ring, here=one, there=other: here.to_plane(there.to_space(ring)))
-            one.polygon = shapely.multipolygons(_areas(shapely.difference(one.polygon, cover, grid_size=1e-7)))
-        if one.polygon.area > smallest_m**2:
-            kept[i] = one
+            cover = shapely.transform(smaller.polygon, lambda ring, here=larger, there=smaller: here.to_plane(there.to_space(ring)))
+            larger.polygon = shapely.multipolygons(_areas(shapely.difference(larger.polygon, cover, grid_size=1e-7)))
+        if larger.polygon.area > smallest_m**2:
+            kept[i] = larger
     return list(kept.values())
 
 
@@ -259,14 +260,14 @@ class _Boxes(NamedTuple):
     @staticmethod
     def of(points: Sequence[np.ndarray] | np.ndarray) -> "_Boxes":
         """Return the boxes of sets of points (V, 3)."""
-        low, high = (np.array([bound(some, axis=0) for some in points]).reshape(-1, 3) for bound in (np.min, np.max))
+        low, high = (np.array([bound(corners, axis=0) for corners in points]).reshape(-1, 3) for bound in (np.min, np.max))
         return _Boxes(low, high, shapely.STRtree(shapely.box(*low[:, :2].T, *high[:, :2].T)))
 
     def touching(self, points: np.ndarray, distance_m: float = SAME_M) -> np.ndarray:
         """Return the indices, in ascending order, of the boxes closer than a distance to the box of points (V, 3), along each axis."""
         low, high = points.min(axis=0) - distance_m, points.max(axis=0) + distance_m
-        found = np.sort(self.tree.query(shapely.box(*low[:2], *high[:2])))
-        return found[(self.high[found, 2] >= low[2]) & (self.low[found, 2] <= high[2])]
+        indices = np.sort(self.tree.query(shapely.box(*low[:2], *high[:2])))
+        return indices[(self.high[indices, 2] >= low[2]) & (self.low[indices, 2] <= high[2])]
 
 
 def _parts(region: _Region, smallest_m: float) -> list[_Region]:
@@ -379,7 +380,7 @@ def _sectors(along: np.ndarray, sides: list[_Side]) -> list[tuple[np.ndarray, np
     angles[angles > 2 * np.pi - SAME_RAD] = 0.0
     order = np.argsort(angles, kind="stable")
     distinct = [int(order[0])] + [int(b) for a, b in pairwise(order) if angles[b] - angles[a] > SAME_RAD]
-    found = []
+    sectors = []
     for k, i in enumerate(distinct):
         j = distinct[(k + 1) % len(distinct)]
         angle = float((angles[j] - angles[i]) % (2 * np.pi)) if len(distinct) > 1 else 2 * np.pi
@@ -390,8 +391,8 @@ def _sectors(along: np.ndarray, sides: list[_Side]) -> list[tuple[np.ndarray, np
         order_of_images = round(1 / opening)
         if order_of_images >= 1 and abs(opening * order_of_images - 1) < EXACT and (order_of_images > 1 or sides[i].face == sides[j].face):
             continue
-        found.append((sides[i].direction, up, opening, (sides[i].face, sides[j].face)))
-    return found
+        sectors.append((sides[i].direction, up, opening, (sides[i].face, sides[j].face)))
+    return sectors
 
 
 def _packed(regions: list[_Region], wedges: list[_Wedge]) -> Faces:
@@ -400,8 +401,8 @@ def _packed(regions: list[_Region], wedges: list[_Wedge]) -> Faces:
     for region in regions:
         vertices, faces = trimesh.creation.triangulate_polygon(region.polygon, engine="earcut")
         corners = np.asarray(vertices)[faces]
-        one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        area = one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]
+        u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
         corners[area < 0] = corners[area < 0][:, ::-1]
         triangles.append(region.to_space(corners))
         first.append(first[-1] + len(faces))

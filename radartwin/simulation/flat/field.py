@@ -95,7 +95,7 @@ class Work(NamedTuple):
         angles: (2, 3) angle of the source and of the observer about each edge, rad, and its distance parameter, m.
         matrix: (2, 3, 2, 2) of `edge_terms` for each edge. bend: (2) factors of the slope terms.
         field: (2, Q, 3) the field, and its derivative or another field. level: (Q) received field.
-        other_order: (C) of `reversed_at_corners`. found: (MAX_PANES) panes on a leg.
+        other_order: (C) of `reversed_at_corners`. pane_ids: (MAX_PANES) triangles of panes on a leg.
     """
 
     node: np.ndarray
@@ -114,7 +114,7 @@ class Work(NamedTuple):
     field: np.ndarray
     level: np.ndarray
     other_order: np.ndarray
-    found: np.ndarray
+    pane_ids: np.ndarray
 
 
 @innermost
@@ -152,9 +152,9 @@ def contains(faces: Faces, p: int, point: Point, margin: float = 0.0) -> bool:
             j = (i + 1) % 3
             ax, ay, az = faces.triangle[t, i, 0], faces.triangle[t, i, 1], faces.triangle[t, i, 2]
             ex, ey, ez = faces.triangle[t, j, 0] - ax, faces.triangle[t, j, 1] - ay, faces.triangle[t, j, 2] - az
-            turn = faces.normal[p, 0] * (ey * (z - az) - ez * (y - ay))
-            turn += faces.normal[p, 1] * (ez * (x - ax) - ex * (z - az)) + faces.normal[p, 2] * (ex * (y - ay) - ey * (x - ax))
-            if turn < 0 and (margin == 0 or turn < -margin * norm((ex, ey, ez))):
+            side = faces.normal[p, 0] * (ey * (z - az) - ez * (y - ay))
+            side += faces.normal[p, 1] * (ez * (x - ax) - ex * (z - az)) + faces.normal[p, 2] * (ex * (y - ay) - ey * (x - ax))
+            if side < 0 and (margin == 0 or side < -margin * norm((ex, ey, ez))):
                 inside = False
                 break
         if inside:
@@ -199,25 +199,25 @@ def reversed_at_corners(chain: np.ndarray, points: np.ndarray, close: float, out
     Args:
         points: (len(chain), 3) points of reflection. close: largest distance between two successive points at a corner, m.
     """
-    start, found = 0, False
+    start, has_corner = 0, False
     for i in range(len(chain)):
         if i + 1 == len(chain) or distance(vector(points, i), vector(points, i + 1)) > close:
             for j in range(start, i + 1):
                 out[j] = chain[start + i - j]
-            found, start = found or i > start, i + 1
-    return found
+            has_corner, start = has_corner or i > start, i + 1
+    return has_corner
 
 
 @innermost
-def panes_on(tree: Hierarchy, opaque: np.ndarray, start: Point, points: np.ndarray, count: int, end: Point, found: np.ndarray) -> int:
+def panes_on(tree: Hierarchy, opaque: np.ndarray, start: Point, points: np.ndarray, count: int, end: Point, pane_ids: np.ndarray) -> int:
     """Return the number of triangles of panes on the path from `start` over points (count, 3) to `end`; -1 if it is blocked.
 
-    found: (MAX_PANES,) memory.
+    pane_ids: (MAX_PANES,) memory.
     """
     to, total = (end[0], end[1], end[2]), 0
     for i in range(count - 1, -2, -1):
         at = (points[i, 0], points[i, 1], points[i, 2]) if i >= 0 else (start[0], start[1], start[2])
-        panes = crossed(tree, at, to, opaque, found)
+        panes = crossed(tree, at, to, opaque, pane_ids)
         if panes < 0:
             return -1
         total += panes
@@ -246,20 +246,20 @@ def reflected(faces: Faces, tables: Tables, field: np.ndarray, direction: Point,
 
 @innermost
 def travelled(
-    walls: Walls, field: np.ndarray, direction: Point, chain: np.ndarray, start: Point, points: np.ndarray, end: Point, found: np.ndarray
+    walls: Walls, field: np.ndarray, direction: Point, chain: np.ndarray, start: Point, points: np.ndarray, end: Point, pane_ids: np.ndarray
 ) -> None:
     """Apply to a field (Q, 3), in place, the reflections of a chain and the panes between `start`, the points of reflection and `end`.
 
     Args:
         points: (len(chain), 3) points of reflection, in the order of the path.
-        found: (MAX_PANES,) memory.
+        pane_ids: (MAX_PANES,) memory.
     """
     m, tables = len(chain), walls.tables
     at, way = (start[0], start[1], start[2]), (direction[0], direction[1], direction[2])
     for i in range(m + 1):
         to = vector(points, i) if i < m else (end[0], end[1], end[2])
-        panes = max(crossed(walls.tree, at, to, walls.opaque, found), 0)
-        cross_panes(walls.tree, tables.through_te, tables.through_tm, at, to, found, panes, field)
+        panes = max(crossed(walls.tree, at, to, walls.opaque, pane_ids), 0)
+        cross_panes(walls.tree, tables.through_te, tables.through_tm, at, to, pane_ids, panes, field)
         if i < m:
             way = reflected(walls.faces, tables, field, way, chain[i : i + 1])
         at = to
@@ -316,8 +316,8 @@ def across_share(faces: Faces, e: int, side: int, bend: Vector) -> float:
 
     bend: gradient of the path length at the end.
     """
-    turn = faces.opening[e] * math.pi if side == 1 else 0.0
-    into = math.cos(turn) * dot(bend, vector(faces.into, e)) + math.sin(turn) * dot(bend, vector(faces.up, e))
+    phi = faces.opening[e] * math.pi if side == 1 else 0.0
+    into = math.cos(phi) * dot(bend, vector(faces.into, e)) + math.sin(phi) * dot(bend, vector(faces.up, e))
     along = dot(bend, vector(faces.along, e))
     size = into * into + along * along
     return into * into / size if size > 1e-20 else 0.5
@@ -394,12 +394,12 @@ def passing_matrix(
     if math.cos(middle - phi) < 0:
         middle += math.pi
     for side in range(1 if faces.sides[e, 0] == faces.sides[e, 1] else 2):
-        turn = middle if side == 0 else faces.opening[e] * math.pi - middle
+        face_phi = middle if side == 0 else faces.opening[e] * math.pi - middle
         surface = faces.surface[faces.sides[e, side]]
-        incidence = abs(math.sin(turn)) * sine
+        incidence = abs(math.sin(face_phi)) * sine
         t_te, t_tm = looked_up(tables.through_te, surface, incidence, q), looked_up(tables.through_tm, surface, incidence, q)
         # components of the face's normal along the soft and the hard direction, over the sine of the angle of incidence
-        soft, hard = -cosine * math.sin(turn), math.cos(turn) * (1.0 if side == 0 else -1.0)
+        soft, hard = -cosine * math.sin(face_phi), math.cos(face_phi) * (1.0 if side == 0 else -1.0)
         size = math.sqrt(soft * soft + hard * hard)
         if size < 1e-9:
             soft, hard, size = 0.0, 1.0, 1.0
@@ -483,14 +483,14 @@ def _largest_wave(walls: Walls, e: int, phi0: float, phi: float, sine: float, di
         phi0, phi: angles of source and observer, rad. sine: of the angle between ray and edge.
         distance_m: distance parameter without the square of the sine.
     """
-    n, total, one, two = walls.faces.opening[e], 0.0, walls.faces.sides[e, 0], walls.faces.sides[e, 1]
+    n, total, face_0, face_n = walls.faces.opening[e], 0.0, walls.faces.sides[e, 0], walls.faces.sides[e, 1]
     # the shadow terms of faces that transmit multiply 1 minus the transmission, which can have any phase
-    jump = 1 + walls.through[walls.faces.surface[one]] * (1.0 if one == two else walls.through[walls.faces.surface[two]])
+    jump = 1 + walls.through[walls.faces.surface[face_0]] * (1.0 if face_0 == face_n else walls.through[walls.faces.surface[face_n]])
     c, most = 1 / (2 * n * math.sqrt(2 * math.pi * walls.wavenumber) * sine), 0.5 * math.sqrt(distance_m)
     for i in range(4):  # shadow boundaries of faces n and 0, then reflection boundaries of faces n and 0
         sign, beta = (1.0 if i % 2 == 0 else -1.0), (phi - phi0 if i < 2 else phi + phi0)
         tangent = abs(math.tan((math.pi + sign * beta) / (2 * n)))
-        share = jump if i < 2 else walls.envelope[two if i == 2 else one, 0]
+        share = jump if i < 2 else walls.envelope[face_n if i == 2 else face_0, 0]
         total += share * min(c / max(tangent, 1e-12), most)
     return total
 
@@ -567,6 +567,7 @@ def _evaluate(
         place, antenna = vector(sensor, pose[n]), vector(axis, pose[n])
         edges = int(edge[s, 0] >= 0) + int(edge[s, 1] >= 0)
         _divide(count[s], chain[s], edges, path)
+        # geometry: source and receiver, the points of diffraction, then reflections and lengths of the legs
         source, receiver = moved(place, vector(nudge, pose[n]), 1.0), moved(place, vector(nudge, pose[n]), 2.0)
         put(path.touched, 0, source)
         put(path.touched, edges + 1, receiver)
@@ -575,12 +576,13 @@ def _evaluate(
         _diffraction_points(faces, edge[s], edges, wavenumber, path)
         if not _legs(faces, edge[s], edges, wavenumber, margin, path):
             continue
+        # spreading, and the diffraction matrices of the edges
         factor = _edges(walls, edge[s], edges, margin, least[pose[n]], path)
         if factor.real <= 0:
             length[n, 0] = factor.real
             continue
         twice = edges == 0 and reversed_at_corners(path.chain[0, : path.count[0]], path.points[0], CORNER / wavenumber, path.other_order)
-        if twice:
+        if twice:  # each of the two orders of the faces carries half of the field
             factor *= 0.5
         back = vector(path.arrive, edges)
         # the test of visibility is expensive, so that weak paths are left out before it
@@ -593,16 +595,17 @@ def _evaluate(
             if panes >= 0:
                 shift = vector(path.beside, i)
                 here, there = moved(vector(path.touched, i), shift, 1.0), moved(vector(path.touched, i + 1), shift, 1.0)
-                more = panes_on(walls.tree, walls.opaque, here, path.points[i], path.count[i], there, path.found)
+                more = panes_on(walls.tree, walls.opaque, here, path.points[i], path.count[i], there, path.pane_ids)
                 panes = panes + more if more >= 0 else -1
         if panes < 0:
             continue
-        if panes:
+        if panes:  # the field again, now through the panes
             _carry(walls, edge[s], edges, antenna, twice, True, path)
             _received(field, transverse(antenna, back), factor, level)
         for q in range(len(level)):
             amplitude[n, q] = level[q]
         _met(path, edges, met[n])
+        # unfolded lengths to the first edge, between the edges and from the last edge; without edges, half of the path each
         length[n, 0] = length[n, 2] = 0.5 * path.size[0]
         if edges:
             length[n, 0] = distance(image(faces, place, path.chain[0, : path.count[0]], 1.0), vector(path.node, 1))
@@ -615,12 +618,12 @@ def _evaluate(
 @innermost
 def _divide(count: np.ndarray, chain: np.ndarray, edges: int, path: Work) -> None:
     """Divide the faces (C,) of a sequence into the chains of its legs. count: (3,) faces before, between and after the edges."""
-    used = 0
+    start = 0
     for i in range(edges + 1):
         path.count[i] = count[i if edges != 1 or i == 0 else 2]
         for j in range(path.count[i]):
-            path.chain[i, j] = chain[used + j]
-        used += path.count[i]
+            path.chain[i, j] = chain[start + j]
+        start += path.count[i]
 
 
 @innermost
@@ -723,8 +726,8 @@ def _edges(walls: Walls, edge: np.ndarray, edges: int, margin: float, least: flo
         rho, path.bend[i] = within, 0j
         if i > 0:
             chain, known, begin = path.chain[i, : path.count[i]], vector(faces.along, edge[i - 1]), vector(path.leave, i)
-            turn = dot(image(faces, soft_and_hard(known, begin)[0], chain, 0.0), soft_and_hard(line, before)[0]) ** 2
-            rho = 1 / (turn / within + (1 - turn) / across)
+            cos_square = dot(image(faces, soft_and_hard(known, begin)[0], chain, 0.0), soft_and_hard(line, before)[0]) ** 2
+            rho = 1 / (cos_square / within + (1 - cos_square) / across)
             # slope term: a larger angle at the previous edge moves the ray along `rise`; the source's angle here grows along `other`
             rise, other = image(faces, cross(known, begin), chain, 0.0), cross(before, line)
             area = norm(rise) * norm(other)
@@ -796,7 +799,7 @@ def _over_leg(walls: Walls, chain: np.ndarray, i: int, through: bool, path: Work
     if through:
         shift = vector(path.beside, i)
         start, end = moved(vector(path.touched, i), shift, 1.0), moved(vector(path.touched, i + 1), shift, 1.0)
-        travelled(walls, field, vector(path.leave, i), chain, start, path.points[i], end, path.found)
+        travelled(walls, field, vector(path.leave, i), chain, start, path.points[i], end, path.pane_ids)
     else:
         reflected(walls.faces, walls.tables, field, vector(path.leave, i), chain)
 
@@ -824,8 +827,8 @@ def grazed_face(faces: Faces, e1: int, e2: int, chain: np.ndarray, way: Vector) 
             p = faces.sides[e1, i]
             if p != faces.sides[e2, j]:
                 continue
-            turn = faces.opening[e1] * math.pi if i == 1 else 0.0
-            within = math.cos(turn) * dot(way, vector(faces.into, e1)) + math.sin(turn) * dot(way, vector(faces.up, e1)) > 0
+            phi = faces.opening[e1] * math.pi if i == 1 else 0.0
+            within = math.cos(phi) * dot(way, vector(faces.into, e1)) + math.sin(phi) * dot(way, vector(faces.up, e1)) > 0
             for k in range(len(chain)):
                 within = within and abs(dot(vector(faces.normal, p), vector(faces.normal, chain[k]))) < LEVEL
             if within:
@@ -844,10 +847,10 @@ def beside(faces: Faces, e1: int, e2: int, p: int, i: int) -> Vector:
     for j in range(2):
         e = e1 if j == 0 else e2
         if faces.opening[e] < FREE:
-            turn = 0.0 if p == faces.sides[e, 0] else faces.opening[e] * math.pi
+            phi = 0.0 if p == faces.sides[e, 0] else faces.opening[e] * math.pi
             # direction from the face into the open sector
             sign = 1.0 if p == faces.sides[e, 0] else -1.0
-            out = sign * (math.cos(turn) * dot(normal, vector(faces.up, e)) - math.sin(turn) * dot(normal, vector(faces.into, e)))
+            out = sign * (math.cos(phi) * dot(normal, vector(faces.up, e)) - math.sin(phi) * dot(normal, vector(faces.into, e)))
             if out * height < 0:
                 return 0.0, 0.0, 0.0
     return height * normal[0], height * normal[1], height * normal[2]

@@ -76,10 +76,10 @@ class Legs:
     def weigh(self, amplitude: np.ndarray, place: np.ndarray, leg: np.ndarray, point: np.ndarray) -> None:
         """Multiply amplitudes (N, Q) in place by the fields of legs (N,) at points (N, 3) in the world."""
         code = place * len(self.order) + leg
-        used = np.flatnonzero(np.bincount(code))
-        number = np.zeros(used[-1] + 1 if len(used) else 0, int)
-        number[used] = np.arange(len(used))
-        fields = [self.carried.get(divmod(int(one), len(self.order))) for one in used]
+        codes = np.flatnonzero(np.bincount(code))
+        number = np.zeros(codes[-1] + 1 if len(codes) else 0, int)
+        number[codes] = np.arange(len(codes))
+        fields = [self.carried.get(divmod(int(key), len(self.order))) for key in codes]
         side = np.array([0 if field is None else len(field) for field in fields], int)
         first = np.cumsum([0, *side[:-1] ** 3])
         values = np.concatenate([np.zeros((0, amplitude.shape[1])), *(f.reshape(-1, f.shape[3]) for f in fields if f is not None)])
@@ -214,12 +214,12 @@ def _chains(
     The sequences are those whose beams exist anywhere in the cell of the sensor. The first sequence is empty.
     """
     members = cells(sensor)
-    found = each(lambda some: room.chains(sensor[some[:SEEN]], longest), members)
-    chains, index = np.unique(np.concatenate(found), axis=0, return_inverse=True)
-    of_cell = np.split(index.ravel(), np.cumsum([len(chain) for chain in found])[:-1])
+    per_cell = each(lambda places: room.chains(sensor[places[:SEEN]], longest), members)
+    chains, index = np.unique(np.concatenate(per_cell), axis=0, return_inverse=True)
+    of_cell = np.split(index.ravel(), np.cumsum([len(chain) for chain in per_cell])[:-1])
     rows = []
-    for some, mine in zip(members, of_cell, strict=True):
-        for place in some:
+    for places, mine in zip(members, of_cell, strict=True):
+        for place in places:
             close = np.ones(len(mine), bool)
             _near_mirrors(room.walls, chains[mine], sensor[place], centre[place], radius, close)
             rows.append(np.stack([np.full(close.sum(), place), mine[close]]))
@@ -311,7 +311,7 @@ def _lines(
     """Write the fields of the lines `begin` to `stop` - 1, without the shadows of `FlatRoom.bodies`, and their points `ways` (N, C + 2, 3).
     hides: (surfaces,) whether a surface blocks and is not part of these bodies. The other arguments are those of `room_fields`.
     """
-    (images, field, found, others), faces, wavenumber = memory, walls.faces, walls.wavenumber
+    (images, field, pane_ids, others), faces, wavenumber = memory, walls.faces, walls.wavenumber
     for n in range(begin, stop):
         m = 0
         while m < chains.shape[1] and chains[which[n], m] >= 0:
@@ -328,6 +328,7 @@ def _lines(
                 end = moved(end, vector(faces.normal, p), (ABOVE_M - height) * side)
         put(met, 0, source)
         put(met, m + 1, end)
+        # points of reflection, from the last face to the first, and the factor of each face as a mirror of finite size
         target = end
         total = 1.0 + 0j
         for i in range(m - 1, -1, -1):
@@ -349,6 +350,7 @@ def _lines(
             target = at
         if total == 0:
             continue
+        # factor of each part of the leg past the faces beside it
         before, rest = 0.0, distance(end, images[m])
         for i in range(m + 1):
             part = distance(met[i + 1], met[i])
@@ -359,16 +361,17 @@ def _lines(
                 vector(faces.normal, chain[i - 1]) if i else ZERO, vector(faces.normal, chain[i]) if i < m else ZERO,
             )  # fmt: skip
             mirrors = chain[0] if m else -1, chain[m - 1] if m else -1
-            total *= past_faces(faces, edges, walls.tree, hides, line, wavenumber, mirrors[0], mirrors[1], found, others)
+            total *= past_faces(faces, edges, walls.tree, hides, line, wavenumber, mirrors[0], mirrors[1], pane_ids, others)
             before += part
             if abs(total) < MIRRORED:
                 break
         if abs(total) < MIRRORED:
             continue
+        # polarisation: the field along the leg with its reflections and panes, relative to that of the unfolded antenna
         way = toward(images[m], end, rest)
         there, axis = image(faces, way, chain[::-1], 0.0), vector(axes, place[n])
         polarised(field, transverse(axis, there))
-        travelled(walls, field, there, chain, source, met[1 : m + 1], end, found)
+        travelled(walls, field, there, chain, source, met[1 : m + 1], end, pane_ids)
         unit = transverse(image(faces, axis, chain, 0.0), way)
         for k in range(len(field)):
             level = field[k, 0] * unit[0] + field[k, 1] * unit[1] + field[k, 2] * unit[2]

@@ -40,11 +40,11 @@ def build(triangles: np.ndarray, label: np.ndarray) -> Hierarchy:
     order = np.arange(len(triangles))
     box = np.zeros((2 * len(triangles), 6))
     beyond, first, stop = np.zeros((3, len(box)), np.int64)
-    used = _split(triangles.min(axis=1), triangles.max(axis=1), order, box, beyond, first, stop) if len(triangles) else 0
-    one = triangles[order]
+    count = _split(triangles.min(axis=1), triangles.max(axis=1), order, box, beyond, first, stop) if len(triangles) else 0
+    corners = triangles[order]
     label = np.ascontiguousarray(label[order], np.int64)
-    edges = one[:, 1] - one[:, 0], one[:, 2] - one[:, 0]
-    return Hierarchy(box[:used], beyond[:used], first[:used], stop[:used], one[:, 0].copy(), *edges, label)
+    edges = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return Hierarchy(box[:count], beyond[:count], first[:count], stop[:count], corners[:, 0].copy(), *edges, label)
 
 
 @compiled
@@ -54,12 +54,12 @@ def _split(
     """Sort `order` into leaves and fill the boxes; returns the number of boxes."""
     stack = np.zeros((STACK, 2), np.int64)
     stack[0, 1] = len(order)
-    depth, used = 1, 0
+    depth, count = 1, 0
     while depth:
         depth -= 1
         begin, end = stack[depth]
-        node = used
-        used += 1
+        node = count
+        count += 1
         first[node], stop[node] = begin, end
         for k in range(3):
             box[node, k], box[node, 3 + k] = np.inf, -np.inf
@@ -78,14 +78,14 @@ def _split(
         stack[depth, 0], stack[depth, 1] = half, end
         stack[depth + 1, 0], stack[depth + 1, 1] = begin, half
         depth += 2
-    for node in range(used - 1, -1, -1):
+    for node in range(count - 1, -1, -1):
         beyond[node] = node + 1
-        while beyond[node] < used and first[beyond[node]] < stop[node]:
+        while beyond[node] < count and first[beyond[node]] < stop[node]:
             beyond[node] = beyond[beyond[node]]
-    for node in range(used):
+    for node in range(count):
         if beyond[node] > node + 1:
             stop[node] = first[node]
-    return used
+    return count
 
 
 @innermost
@@ -114,11 +114,11 @@ def _inverse(way: float) -> float:
 
 
 @innermost
-def crossed(tree: Hierarchy, start: Point, stop: Point, opaque: np.ndarray, found: np.ndarray) -> int:
+def crossed(tree: Hierarchy, start: Point, stop: Point, opaque: np.ndarray, pane_ids: np.ndarray) -> int:
     """Return the number of triangles between two points, or -1 if one of these triangles belongs to an opaque surface.
 
     Args:
-        opaque: (surfaces,) whether a surface blocks. found: (MAX_PANES,) receives the triangles of surfaces that transmit.
+        opaque: (surfaces,) whether a surface blocks. pane_ids: (MAX_PANES,) receives the triangles of surfaces that transmit.
     """
     x, y, z = start[0], start[1], start[2]
     way_x, way_y, way_z = stop[0] - x, stop[1] - y, stop[2] - z
@@ -140,9 +140,9 @@ def crossed(tree: Hierarchy, start: Point, stop: Point, opaque: np.ndarray, foun
             continue
         for t in range(tree.first[node], tree.stop[node]):
             if _meets(tree, t, x, y, z, way_x, way_y, way_z, clear):
-                if opaque[tree.label[t]] or count == len(found):
+                if opaque[tree.label[t]] or count == len(pane_ids):
                     return -1
-                found[count] = t
+                pane_ids[count] = t
                 count += 1
         node += 1
     return count

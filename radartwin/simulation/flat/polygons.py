@@ -134,7 +134,7 @@ class _Ends(NamedTuple):
 
 class _Out(NamedTuple):
     """Hold memory for M paths: amplitude (M, Q), lengths in and out and to the first hit (M, 3), departure and arrival (M, 3), reflections
-    (M,), and the number of paths used (1,).
+    (M,), and the number of paths (1,).
     """
 
     amplitude: np.ndarray
@@ -142,7 +142,7 @@ class _Out(NamedTuple):
     departure: np.ndarray
     arrival: np.ndarray
     bounces: np.ndarray
-    used: np.ndarray
+    count: np.ndarray
 
 
 class Polyhedron(NamedTuple):
@@ -230,7 +230,7 @@ def paths(
     q = len(table.frequencies_hz)
     wavenumbers = 2 * np.pi * table.frequencies_hz / SPEED_OF_LIGHT
     together = np.abs(source - receiver).max(axis=1) < PLANE_M
-    places = [np.ascontiguousarray(one, float) for one in (source, receiver + NUDGE_M, transmit, receive)]
+    places = [np.ascontiguousarray(vectors, float) for vectors in (source, receiver + NUDGE_M, transmit, receive)]
     most = 1 if body.convex else max_bounces
     shared = _Body(body, Tables.of(table.te, table.tm, table.through_te, table.through_tm), wavenumbers)
     arguments = shared, *places, together, most, fringes
@@ -240,7 +240,7 @@ def paths(
         out = _Out(np.empty((rows, q), np.complex128), length, departure, arrival, np.empty(rows, np.int64), np.zeros(1, np.int64))
         pair = np.empty(rows, np.int64)
         fits = _all(begin, stop, *arguments, out, pair)
-        return [array[: out.used[0]] for array in (pair, *out[:5])] if fits else None
+        return [array[: out.count[0]] for array in (pair, *out[:5])] if fits else None
 
     pair, amplitude, length, departure, arrival, bounces = gathered(written, len(source), FIRST_ROWS)
     return Hits(pair, bounces, amplitude, length[:, 0], length[:, 1], departure, arrival, length[:, 2])
@@ -268,15 +268,15 @@ def _all(
                 back, received = others, _follow(body, ends.receiver, others, pieces, counts)
             if received < 0 or not _fringes(body, ends, beams, number, back, received, out):
                 return False
-        pair[first : out.used[0]] = n
-        first = out.used[0]
+        pair[first : out.count[0]] = n
+        first = out.count[0]
     return True
 
 
 @compiled
-def _beams(room: int, most: int) -> _Beams:
-    chain, polygon = np.empty((room, most), np.int64), np.empty((room, CORNERS, 3))
-    return _Beams(chain, np.empty(room, np.int64), np.empty((room, 3)), polygon, np.empty(room, np.int64))
+def _beams(capacity: int, most: int) -> _Beams:
+    chain, polygon = np.empty((capacity, most), np.int64), np.empty((capacity, CORNERS, 3))
+    return _Beams(chain, np.empty(capacity, np.int64), np.empty((capacity, 3)), polygon, np.empty(capacity, np.int64))
 
 
 @innermost
@@ -317,6 +317,7 @@ def _subtract(
             highest = max(highest, dot(up_way, parts.corner[q, i]) - ground)
         if highest < PLANE_M:
             continue
+        # the part of the other face that is above face `p` and below the apex casts the shadow
         copy(parts.corner[q], parts.count[q], spare[0])
         count = clip(spare[0], parts.count[q], up_way, ground, spare[1])
         count = clip(spare[1], count, down_way, -ground - ABOVE * abs(height), spare[0]) if count else 0
@@ -325,6 +326,7 @@ def _subtract(
             copy(spare[1], count, spare[0])
         if count == 0 or twice_area(spare[0], count) < SLIVER_M2:
             continue
+        # the planes through the apex and the sides of this part bound the shadow
         before, number, inside = number, 0, middle_of(spare[0], count)
         fresh, sizes = np.empty_like(pieces), np.empty_like(counts)
         for i in range(count):
@@ -346,6 +348,7 @@ def _subtract(
                 sizes[number] = rest
                 number += 1
                 continue
+            # the part of the piece outside each side of the shadow remains; the next sides divide what is inside
             for i in range(count):
                 inwards, offset = vector(normals, i), dot(normals[i], apex)
                 size = clip(spare[1], rest, moved(ZERO, inwards, -1.0), -offset, spare[2])
@@ -369,9 +372,9 @@ def _follow(body: _Body, place: np.ndarray, beams: _Beams, pieces: np.ndarray, c
     for all of them.
     """
     faces, parts, spare, planes = body.shape.faces, body.shape.parts, np.empty((4, CORNERS, 3)), np.empty((CORNERS + 1, 4))
-    used, beams.image[0], beams.order[0], beams.count[0] = 1, place, 0, 0
+    count, beams.image[0], beams.order[0], beams.count[0] = 1, place, 0, 0
     b = 0
-    while b < used:
+    while b < count:
         apex, m = beams.image[b], beams.order[b]
         last = beams.chain[b, m - 1] if m else NO_FACE
         facing = 1.0
@@ -393,16 +396,16 @@ def _follow(body: _Body, place: np.ndarray, beams: _Beams, pieces: np.ndarray, c
             copy(spare[0], size, pieces[0])
             counts[0] = size
             number = _subtract(body, p, apex, last, facing, pieces, counts, spare)
-            if number < 0 or used + number > len(beams.order):
+            if number < 0 or count + number > len(beams.order):
                 return -1
             for j in range(number):
-                copy(pieces[j], counts[j], beams.polygon[used])
-                beams.count[used], beams.order[used] = counts[j], m + 1
-                beams.image[used] = apex - 2 * height * faces.normal[p]
-                beams.chain[used, :m], beams.chain[used, m] = beams.chain[b, :m], p
-                used += 1
+                copy(pieces[j], counts[j], beams.polygon[count])
+                beams.count[count], beams.order[count] = counts[j], m + 1
+                beams.image[count] = apex - 2 * height * faces.normal[p]
+                beams.chain[count, :m], beams.chain[count, m] = beams.chain[b, :m], p
+                count += 1
         b += 1
-    return used
+    return count
 
 
 @compiled
@@ -417,12 +420,12 @@ def _reflections(body: _Body, ends: _Ends, beams: _Beams, number: int, pieces: n
             continue
         apex = mirrored - 2 * below * faces.normal[p]
         copy(beams.polygon[b], beams.count[b], pieces[0])
-        counts[0], shown = beams.count[b], 1
+        counts[0], visible = beams.count[b], 1
         if m > 1 or not ends.together:
-            shown = _subtract(body, p, ends.receiver, NO_FACE, 1.0, pieces, counts, spare)
-            if shown < 0:
+            visible = _subtract(body, p, ends.receiver, NO_FACE, 1.0, pieces, counts, spare)
+            if visible < 0:
                 return False
-        for i in range(shown):
+        for i in range(visible):
             if not _polygon(body, ends, beams.chain[b, :m], apex, mirrored, pieces[i], counts[i], out):
                 return False
     return True
@@ -484,15 +487,15 @@ def _moments(alpha: float) -> tuple[complex, complex, complex]:
     """Return the integrals of exp(j alpha t), t exp(j alpha t) and t^2 exp(j alpha t) for t from -1 to 1."""
     if abs(alpha) < 0.3:
         x = alpha * alpha
-        zero = 2 * (1 - x / 6 * (1 - x / 20 * (1 - x / 42)))
-        one = 2 * alpha * (1 / 3 - x / 30 * (1 - x / 28 * (1 - x / 54)))
-        two = 2 * (1 / 3 - x / 10 * (1 - x / 16.8 * (1 - x / 38.57142857142857)))
-        return complex(zero, 0.0), complex(0.0, one), complex(two, 0.0)
+        m0 = 2 * (1 - x / 6 * (1 - x / 20 * (1 - x / 42)))
+        m1 = 2 * alpha * (1 / 3 - x / 30 * (1 - x / 28 * (1 - x / 54)))
+        m2 = 2 * (1 / 3 - x / 10 * (1 - x / 16.8 * (1 - x / 38.57142857142857)))
+        return complex(m0, 0.0), complex(0.0, m1), complex(m2, 0.0)
     sine, cosine = math.sin(alpha), math.cos(alpha)
-    zero = 2 * sine / alpha
-    one = 2 * (sine - alpha * cosine) / (alpha * alpha)
-    two = 2 * ((alpha * alpha - 2) * sine + 2 * alpha * cosine) / (alpha * alpha * alpha)
-    return complex(zero, 0.0), complex(0.0, one), complex(two, 0.0)
+    m0 = 2 * sine / alpha
+    m1 = 2 * (sine - alpha * cosine) / (alpha * alpha)
+    m2 = 2 * ((alpha * alpha - 2) * sine + 2 * alpha * cosine) / (alpha * alpha * alpha)
+    return complex(m0, 0.0), complex(0.0, m1), complex(m2, 0.0)
 
 
 @innermost
@@ -502,12 +505,12 @@ def _piece(f0: complex, f1: complex, f2: complex, p0: float, p2: float) -> compl
     f is a parabola. The quadratic part of the phase is expanded to first order about its mean.
     """
     alpha, beta = 0.5 * (p2 - p0), 0.5 * (p0 + p2)
-    zero, one, two = _moments(alpha)
+    m0, m1, m2 = _moments(alpha)
     slope, bend = 0.5 * (f2 - f0), 0.5 * (f0 + f2) - f1
     mean = complex(math.cos(beta / 3), math.sin(beta / 3))
     # the moments of t^3 and t^4 are those of their best parabolas, because slope and bend are small where beta matters
-    plain = f1 * zero + slope * one + bend * two
-    curved = 1j * beta * (f1 * (two - zero / 3) + slope * 4 / 15 * one + bend * (11 / 21 * two - 3 / 35 * zero))
+    plain = f1 * m0 + slope * m1 + bend * m2
+    curved = 1j * beta * (f1 * (m2 - m0 / 3) + slope * 4 / 15 * m1 + bend * (11 / 21 * m2 - 3 / 35 * m0))
     return mean * (plain + curved)
 
 
@@ -559,7 +562,7 @@ def _add(
 
     image, other: source and receiver, mirrored at the faces of their chain.
     """
-    n = out.used[0]
+    n = out.count[0]
     if n == len(out.bounces):
         return False
     way, out.length[n, 0] = _leaving(faces, there, image, x)
@@ -572,7 +575,7 @@ def _add(
     put(out.arrival, n, arrival)
     out.amplitude[n] = amplitude
     out.bounces[n] = 1 + len(there) + len(back)
-    out.used[0] += 1
+    out.count[0] += 1
     return True
 
 
@@ -620,15 +623,16 @@ def _polygon(
     wavenumber = wavenumbers[nodes // 2]
     normal = faces.normal[p]
     above, below = dot(receiver, normal) - faces.offset[p], dot(mirrored, normal) - faces.offset[p]
+    # the line from S (`mirrored`) to the receiver, of length L0 (`straight`), meets the plane of the face at the mirror point
     share = below / (below - above)
     mirror = mirrored + share * (receiver - mirrored)
     straight = distance(mirrored, receiver)
     up = normal if above > 0 else -normal
     # orientation of the polygon, position of the mirror point relative to each side, and the polygon's point nearest to the mirror point
-    turn = np.zeros(3)
+    area = np.zeros(3)
     for i in range(1, count - 1):
-        turn += np.cross(polygon[i] - polygon[0], polygon[i + 1] - polygon[0])
-    sense = 1.0 if dot(turn, up) > 0 else -1.0
+        area += np.cross(polygon[i] - polygon[0], polygon[i + 1] - polygon[0])
+    sense = 1.0 if dot(area, up) > 0 else -1.0
     inside, closest, within = True, np.inf, np.zeros(count)
     nearest = mirror.copy()
     for i in range(count):
@@ -649,11 +653,12 @@ def _polygon(
     rest_m = _over(mirrored, receiver, nearest)
     joined = inside or wavenumber * (rest_m - straight) < FAR
     rho, scale = np.empty(nodes, np.complex128), 0.5 / wavenumbers  # wavelength/(4 pi)
-    if inside:
+    if inside:  # the term W rho_0
         _factor(body, ends, chain, apex, none, receiver, mirror, 0.0, rho)
         for q in range(nodes):
             together[q] = scale[q] / straight * rho[q].conjugate()
-    own = np.empty(nodes, np.complex128)
+    # the term of the integral of rho b exp(+j k E), side by side
+    amplitude = np.empty(nodes, np.complex128)
     for i in range(count):
         a, b = polygon[i].copy(), polygon[(i + 1) % count].copy()
         m = _edge_of(faces, body.shape.parts, chain, images, a, b)
@@ -689,7 +694,8 @@ def _polygon(
             x1 = a + t1 * along
             reference = _over(mirrored, receiver, x1)
             if close and wavenumber * (_over(mirrored, receiver, moved(a, along, min(max(foot, t0), t2))) - straight) < FAR:
-                own[:] = 0
+                # near the mirror point, quadrature over u; the weight divides it between this piece and the path of the mirror reflection
+                amplitude[:] = 0
                 u0, u2 = math.asinh((t0 - centre) / width), math.asinh((t2 - centre) / width)
                 panels = math.ceil(max(u2 - u0, 1.0))
                 step = (u2 - u0) / panels
@@ -709,19 +715,20 @@ def _polygon(
                                 together[q] += (1 - w) * value * complex(math.cos(phase), math.sin(phase))
                             if w > 0:
                                 phase = wavenumbers[q] * (length - reference)
-                                own[q] += w * value * complex(math.cos(phase), math.sin(phase))
+                                amplitude[q] += w * value * complex(math.cos(phase), math.sin(phase))
             else:
+                # elsewhere, parabolas for rho b and a quadratic phase k E
                 x0, x2 = moved(a, along, t0), moved(a, along, t2)
                 b0 = turned * half * _boundary(mirrored, receiver, x0, along)
                 b1 = turned * half * _boundary(mirrored, receiver, moved(a, along, t1), along)
                 b2 = turned * half * _boundary(mirrored, receiver, x2, along)
                 e0, e2 = _over(mirrored, receiver, x0) - reference, _over(mirrored, receiver, x2) - reference
                 for q in range(nodes):
-                    own[q] = scale[q] * _piece(
+                    amplitude[q] = scale[q] * _piece(
                         b0 * _parabola(known, smooth, t0 / size, q), b1 * _parabola(known, smooth, t1 / size, q),
                         b2 * _parabola(known, smooth, t2 / size, q), wavenumbers[q] * e0, wavenumbers[q] * e2,
                     )  # fmt: skip
-            if np.abs(own).max() > 0 and not _add(faces, ends, there[:m], apex, back, receiver, x1, own, out):
+            if np.abs(amplitude).max() > 0 and not _add(faces, ends, there[:m], apex, back, receiver, x1, amplitude, out):
                 return False
     if not joined:
         return True
@@ -768,8 +775,8 @@ def _between(a: float, b: float, reach: float) -> complex:
     if outer >= 1:
         return 0j
     weight = (1 - outer) ** 2
-    turn = -reach * (math.cos(a) - math.cos(b))
-    return (1 - complex(math.cos(turn), math.sin(turn))) * (-1 if a > 0 else 1) * weight / (1 + weight)
+    phase = -reach * (math.cos(a) - math.cos(b))
+    return (1 - complex(math.cos(phase), math.sin(phase))) * (-1 if a > 0 else 1) * weight / (1 + weight)
 
 
 @innermost
@@ -793,8 +800,8 @@ def _beyond(a: float, b: float, reach: float) -> complex:
             rest = scaled_tail(u_a) * (1 - 2j * u_a * u_a) + u_a
         else:
             rest = (u_b * scaled_tail(u_a) - u_a * scaled_tail(u_b)) / (u_b - u_a)
-        turn = 0.25 * math.pi - u_b * u_b
-        share = 2 / math.sqrt(math.pi) * complex(math.cos(turn), math.sin(turn)) * rest
+        phase = 0.25 * math.pi - u_b * u_b
+        share = 2 / math.sqrt(math.pi) * complex(math.cos(phase), math.sin(phase)) * rest
     return math.cos(a) * math.cos(b) * share
 
 
@@ -910,13 +917,13 @@ def _fringes(body: _Body, ends: _Ends, beams: _Beams, number: int, others: _Beam
     """
     faces = body.shape.faces
     lit = _lit(faces, beams, number)
-    shown = lit if ends.together else _lit(faces, others, received)
+    seen = lit if ends.together else _lit(faces, others, received)
     for e in range(len(faces.length)):
         if faces.opening[e] <= 1:  # currents in an inner corner are those of several reflections
             continue
         for b in range(number):
             for c in range(received):
-                low, high = max(lit[b, e, 0], shown[c, e, 0]), min(lit[b, e, 1], shown[c, e, 1])
+                low, high = max(lit[b, e, 0], seen[c, e, 0]), min(lit[b, e, 1], seen[c, e, 1])
                 if beams.order[b] + others.order[c] >= beams.chain.shape[1] or high - low < SHORTEST_M:
                     continue
                 if not _edge(body, ends, e, low, high, beams, b, others, c, out):
@@ -930,7 +937,7 @@ def _edge(body: _Body, ends: _Ends, e: int, low: float, high: float, beams: _Bea
     faces, wavenumbers, nodes = body.shape.faces, body.wavenumbers, len(body.wavenumbers)
     wavenumber = wavenumbers[nodes // 2]
     crossed = np.empty(1, np.int64)
-    value, own = np.empty(nodes, np.complex128), np.empty(nodes, np.complex128)
+    value, amplitude = np.empty(nodes, np.complex128), np.empty(nodes, np.complex128)
     sent, got = np.empty((nodes, 3), np.complex128), np.empty((nodes, 3), np.complex128)
     there, back, source = beams.chain[b, : beams.order[b]], others.chain[c, : others.order[c]], beams.image[b]
     receiver = np.array(image(faces, ends.receiver, back, 1.0))
@@ -959,10 +966,10 @@ def _edge(body: _Body, ends: _Ends, e: int, low: float, high: float, beams: _Bea
         e0, e2 = _over(source, receiver, x0) - reference, _over(source, receiver, x2) - reference
         spread = half / (distance(source, x1) * distance(x1, receiver))
         for q in range(nodes):
-            own[q] = spread * 0.5 / wavenumbers[q] * _piece(
+            amplitude[q] = spread * 0.5 / wavenumbers[q] * _piece(
                 _parabola(known, smooth, (t1 - half) / size, q), _parabola(known, smooth, t1 / size, q),
                 _parabola(known, smooth, (t1 + half) / size, q), wavenumbers[q] * e0, wavenumbers[q] * e2,
             )  # fmt: skip
-        if np.abs(own).max() > 0 and not _add(faces, ends, there, source, back, receiver, x1, own, out):
+        if np.abs(amplitude).max() > 0 and not _add(faces, ends, there, source, back, receiver, x1, amplitude, out):
             return False
     return True

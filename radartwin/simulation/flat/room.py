@@ -62,7 +62,7 @@ class Searched:
 
     def to_arrays(self) -> dict[str, np.ndarray]:
         """Return all fields as named arrays, which the array cache can store."""
-        ends = np.cumsum([len(one) for one in self.of_test])
+        ends = np.cumsum([len(indices) for indices in self.of_test])
         return {"places": self.places, **vars(self.sequences), "of_test": np.concatenate(self.of_test), "ends": ends}
 
     @staticmethod
@@ -135,25 +135,25 @@ class FlatRoom:
         The first direction points into the face. The second one points from the face into the open sector of the edge, and is zero for a
         free edge, whose sector is on both sides.
         """
-        faces, turn = self.faces, np.pi * self.faces.opening[:, None]
-        other = np.cos(turn) * faces.into + np.sin(turn) * faces.up
+        faces, angle = self.faces, np.pi * self.faces.opening[:, None]
+        other = np.cos(angle) * faces.into + np.sin(angle) * faces.up
         two = faces.sides[:, 0] != faces.sides[:, 1]
         owner = np.concatenate([faces.sides[:, 0], faces.sides[two, 1]])
         order = np.argsort(owner, kind="stable")
         edge = np.concatenate([np.arange(len(two)), np.flatnonzero(two)])[order]
         into = np.concatenate([faces.into, other[two]])[order]
-        side = np.concatenate([two[:, None] * faces.up, (np.sin(turn) * faces.into - np.cos(turn) * faces.up)[two]])[order]
+        side = np.concatenate([two[:, None] * faces.up, (np.sin(angle) * faces.into - np.cos(angle) * faces.up)[two]])[order]
         return np.searchsorted(owner[order], np.arange(len(faces.offset) + 1)), edge, np.ascontiguousarray(into), np.ascontiguousarray(side)
 
     @cached_property
     def balls(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the centre (P, 3) and the radius (P,) of a ball around each face."""
-        used = np.arange(self.faces.outline.shape[1]) < self.faces.corners[:, None]
-        low = np.where(used[..., None], self.faces.outline, np.inf).min(axis=1, initial=np.inf)
-        high = np.where(used[..., None], self.faces.outline, -np.inf).max(axis=1, initial=-np.inf)
+        valid = np.arange(self.faces.outline.shape[1]) < self.faces.corners[:, None]
+        low = np.where(valid[..., None], self.faces.outline, np.inf).min(axis=1, initial=np.inf)
+        high = np.where(valid[..., None], self.faces.outline, -np.inf).max(axis=1, initial=-np.inf)
         centre = (low + high) / 2
         away = np.linalg.norm(self.faces.outline - centre[:, None], axis=2)
-        return centre, np.where(used, away, 0.0).max(axis=1, initial=0.0)
+        return centre, np.where(valid, away, 0.0).max(axis=1, initial=0.0)
 
     @cached_property
     def _links(self) -> search.Links:
@@ -207,14 +207,14 @@ class FlatRoom:
         members = cells(points[tests])
         test_of = _nearest(points, points[tests])
 
-        def strong(some: np.ndarray) -> list[search.Sequences]:
+        def strong(places: np.ndarray) -> list[search.Sequences]:
             """Return the sequences of the test places of a cell. Poses of the track test what the cell sees."""
-            near = np.flatnonzero(np.isin(test_of, some))
+            near = np.flatnonzero(np.isin(test_of, places))
             eyes = near[np.unique(np.linspace(0, len(near) - 1, EYES).astype(int))]
-            return self._strong(poses[tests[some]], poses[eyes], radar, max_bounces, prune, twice)
+            return self._strong(poses[tests[places]], poses[eyes], radar, max_bounces, prune, twice)
 
-        found = each(strong, members)
-        every, index = search.Sequences.union([sequences for cell in found for sequences in cell])
+        per_cell = each(strong, members)
+        every, index = search.Sequences.union([sequences for cell in per_cell for sequences in cell])
         of_test = [index[i] for i in np.argsort(np.concatenate(members))]
         return Searched(points[tests], every, of_test)
 
@@ -292,8 +292,8 @@ class FlatRoom:
 
         walls: None means `_middle`. margin: by which the sensor can move, as in `field.evaluate`.
         """
-        one = pose[None], np.full(1, least), walls or self._middle, margin
-        strong, (amplitude, length, departure, arrival, _) = self._fields(every, np.zeros(len(which), int), which, *one)
+        arguments = pose[None], np.full(1, least), walls or self._middle, margin
+        strong, (amplitude, length, departure, arrival, _) = self._fields(every, np.zeros(len(which), int), which, *arguments)
         level, rotation = np.zeros(len(which)), pose[:3, :3]
         gain = both_gains(radar, departure[strong] @ rotation, arrival[strong] @ rotation)
         level[strong] = np.abs(amplitude[strong, 0]) * gain / (2 * self.wavenumber)
@@ -323,7 +323,7 @@ class FlatRoom:
             # the weakest, over all places, of the strongest paths
             coarse = places[_apart(places, COARSE)]
             levels = [self._levels(closed, np.arange(len(closed)), place, radar, cell.least)[1] for place in coarse]
-            cell = cell._replace(least=self._least(radar, prune) * min(one.max(initial=0.0) for one in levels))
+            cell = cell._replace(least=self._least(radar, prune) * min(at_place.max(initial=0.0) for at_place in levels))
         arrivals, passed = search.reached(self.walls, cell, beams, max_bounces, twice)
         strength = passed * self._strengths(beams, arrivals, places, radar)
         linked = np.zeros((0, 3), int)
@@ -337,7 +337,7 @@ class FlatRoom:
         near = every, np.arange(len(every)), place, radar, ELSEWHERE * cell.least, self._unblocked, cell.radius
         return every.where(self._levels(*near)[1] > 0)
 
-    def _strengths(self, found: search.Beams, arrivals: np.ndarray, poses: np.ndarray, radar: Radar) -> np.ndarray:
+    def _strengths(self, beams: search.Beams, arrivals: np.ndarray, poses: np.ndarray, radar: Radar) -> np.ndarray:
         """Return the largest field (M,) at one metre with which each beam reaches the ends or the middle of its edge, at any of the poses.
 
         arrivals: (M, 2) edge and beam. The fields include the element gain relative to the gain at boresight.
@@ -346,16 +346,16 @@ class FlatRoom:
         gain, strength = np.zeros((2, len(arrivals)))
         headings = np.unique(np.round(poses[:, :3, :3], 3), axis=0)
         for share in (0.0, 0.5, 1.0):
-            way = self.faces.start[edge] + share * self.faces.length[edge, None] * self.faces.along[edge] - found.image[beam]
+            way = self.faces.start[edge] + share * self.faces.length[edge, None] * self.faces.along[edge] - beams.image[beam]
             way /= np.linalg.norm(way, axis=1, keepdims=True)
             total = np.ones(len(arrivals))
-            for i in reversed(range(found.chain.shape[1])):
-                used = i < found.order[beam]
-                face = found.chain[beam, i]
+            for i in reversed(range(beams.chain.shape[1])):
+                valid = i < beams.order[beam]
+                face = beams.chain[beam, i]
                 cosine = np.einsum("ij,ij->i", way, self.faces.normal[face])
                 column = np.minimum(np.abs(cosine), 1) * (self._envelope.shape[1] - 1)
-                total *= np.where(used, self._envelope[face, column.astype(int)], 1.0)
-                way = np.where(used[:, None], way - 2 * cosine[:, None] * self.faces.normal[face], way)
+                total *= np.where(valid, self._envelope[face, column.astype(int)], 1.0)
+                way = np.where(valid[:, None], way - 2 * cosine[:, None] * self.faces.normal[face], way)
             for heading in headings:
                 gain = np.maximum(gain, radar.gain(way @ heading))
             strength = np.maximum(strength, total)
@@ -385,10 +385,10 @@ class FlatRoom:
         parts = []
         for low in range(0, len(poses), together):
             pose, which = np.nonzero(active[low : low + together])
-            parts.append(self._some(every, pose + low, which, poses, velocity, radar, least))
+            parts.append(self._paths(every, pose + low, which, poses, velocity, radar, least))
         return parts[0] if len(parts) == 1 else Paths.concatenate(parts)
 
-    def _some(
+    def _paths(
         self, every: search.Sequences, pose: np.ndarray, which: np.ndarray, poses: np.ndarray, velocity: np.ndarray, radar: Radar,
         least: np.ndarray,
     ) -> Paths:  # fmt: skip
@@ -429,14 +429,14 @@ class FlatRoom:
         amplitude, length, departure, arrival, met = (values[there] for values in every_value)
         uneven = np.flatnonzero((change[there] > UNEVEN * level[:, there].max(axis=0)) | (np.isin(there, apart) & (not straight)))
         gain = np.ones((len(there), len(channels)), complex)
-        some = there[uneven]
+        uneven_rows = there[uneven]
         if len(apart):
             strong, row = np.isin(apart, there), np.searchsorted(there, apart)
             first, second = (end[strong, None] for end in ends)
             gain[row[strong]] = (first + share * (second - first)) / amplitude[row[strong], middle, None]
-        for c, channel in enumerate(channels if len(some) else channels[:0]):
-            one = self._fields(every, pose[some], which[some], _shifted(poses, channel), 0 * least, self._middle)[1][0]
-            gain[uneven, c] = one[:, 0] / amplitude[uneven, middle]
+        for c, channel in enumerate(channels if len(uneven_rows) else channels[:0]):
+            at_channel = self._fields(every, pose[uneven_rows], which[uneven_rows], _shifted(poses, channel), 0 * least, self._middle)[1][0]
+            gain[uneven, c] = at_channel[:, 0] / amplitude[uneven, middle]
         offset = offsets[best[there]]
         pose, which = pose[there], which[there]
         frequencies, rotation, edges = self.table.frequencies_hz, poses[pose, :3, :3], every.edge[which] >= 0
@@ -467,10 +467,10 @@ class FlatRoom:
         """Return the maps (K, 3, 4) of a point to its image in the faces of each sequence (K, C), -1 beyond the last."""
         maps = np.tile(np.eye(3, 4), (len(chains), 1, 1))
         for face in chains.T:
-            used = np.flatnonzero(face >= 0)
-            normal, offset = self.faces.normal[face[used]], self.faces.offset[face[used], None]
-            maps[used] -= 2 * normal[:, :, None] * np.einsum("ki,kij->kj", normal, maps[used])[:, None]
-            maps[used, :, 3] += 2 * offset * normal
+            valid = np.flatnonzero(face >= 0)
+            normal, offset = self.faces.normal[face[valid]], self.faces.offset[face[valid], None]
+            maps[valid] -= 2 * normal[:, :, None] * np.einsum("ki,kij->kj", normal, maps[valid])[:, None]
+            maps[valid, :, 3] += 2 * offset * normal
         return maps
 
 
@@ -527,12 +527,12 @@ def _spaced(points: np.ndarray, spacing_m: float) -> np.ndarray:
 
 def _apart(poses: np.ndarray, most: int) -> np.ndarray:
     """Return the indices of at most `most` poses (F, 4, 4), of which the first is chosen first, then each time the farthest from these."""
-    points, chosen = poses[:, :3, 3], [0]
+    points, indices = poses[:, :3, 3], [0]
     away = np.full(len(points), np.inf)
-    while len(chosen) < min(most, len(points)):
-        away = np.minimum(away, np.linalg.norm(points - points[chosen[-1]], axis=1))
-        chosen.append(int(away.argmax()))
-    return np.array(chosen)
+    while len(indices) < min(most, len(points)):
+        away = np.minimum(away, np.linalg.norm(points - points[indices[-1]], axis=1))
+        indices.append(int(away.argmax()))
+    return np.array(indices)
 
 
 def _nearest(points: np.ndarray, places: np.ndarray) -> np.ndarray:

@@ -94,29 +94,29 @@ def beam_planes(
         return 0
     side = -1.0 if height > 0 else 1.0
     out[0, 0], out[0, 1], out[0, 2], out[0, 3] = side * normal[0], side * normal[1], side * normal[2], side * faces.offset[last]
-    middle, used = middle_of(polygon, count), 1
+    middle, number = middle_of(polygon, count), 1
     for i in range(count):
-        one, two = vector(polygon, i), vector(polygon, (i + 1) % count)
-        length = distance(one, two)
+        a, b = vector(polygon, i), vector(polygon, (i + 1) % count)
+        length = distance(a, b)
         if length < EQUAL_M:
             continue
-        normal = cross(toward(at, one, 1.0), toward(at, two, 1.0))
+        normal = cross(toward(at, a, 1.0), toward(at, b, 1.0))
         side = 1 / max(norm(normal), 1e-30)
         if dot(normal, middle) < dot(normal, at):
             side = -side
         inwards = side * normal[0], side * normal[1], side * normal[2]
         # turn the plane about the side of the polygon until it touches the ball: by the angle under which the side sees the radius
-        way = toward(one, two, length)
-        foot = moved(one, way, dot(toward(one, at, 1.0), way))
+        way = toward(a, b, length)
+        foot = moved(a, way, dot(toward(a, at, 1.0), way))
         away = distance(at, foot)
         sine = min(radius / max(away, 1e-30), 1.0)
         cosine = math.sqrt(1 - sine * sine)
         back = toward(foot, at, max(away, 1e-30))
         for k in range(3):
-            out[used, k] = cosine * inwards[k] - sine * back[k]
-        out[used, 3] = dot(out[used], one)
-        used += 1
-    return used
+            out[number, k] = cosine * inwards[k] - sine * back[k]
+        out[number, 3] = dot(out[number], a)
+        number += 1
+    return number
 
 
 @innermost
@@ -163,19 +163,19 @@ def _within(planes: np.ndarray, count: int, x: Vector, radius: float) -> bool:
 
 
 @innermost
-def _passed(walls: Walls, start: Point, points: np.ndarray, count: int, end: Point, found: np.ndarray, least: float) -> float:
+def _passed(walls: Walls, start: Point, points: np.ndarray, count: int, end: Point, pane_ids: np.ndarray, least: float) -> float:
     """Return the product of the largest transmission coefficients of the panes on the path from `start` via `points` (count, 3) to `end`.
 
-    Return 0 if the path is blocked or the transmission is below `least`. found: (MAX_PANES,) memory.
+    Return 0 if the path is blocked or the transmission is below `least`. pane_ids: (MAX_PANES,) memory.
     """
     to, factor = (end[0], end[1], end[2]), 1.0
     for i in range(count - 1, -2, -1):
         at = (points[i, 0], points[i, 1], points[i, 2]) if i >= 0 else (start[0], start[1], start[2])
-        panes = crossed(walls.tree, at, to, walls.opaque, found)
+        panes = crossed(walls.tree, at, to, walls.opaque, pane_ids)
         if panes < 0:
             return 0.0
         for k in range(panes):
-            factor *= float(walls.through[walls.tree.label[found[k]]])
+            factor *= float(walls.through[walls.tree.label[pane_ids[k]]])
         if factor < least:
             return 0.0
         to = at
@@ -214,104 +214,104 @@ def _beyond(polygon: np.ndarray, count: int, middle: Vector, at: Vector) -> floa
 
 
 @innermost
-def _lit_part(faces: Faces, p: int, planes: np.ndarray, bounds: int, aside: float, out: np.ndarray, other: np.ndarray) -> int:
+def _lit_part(faces: Faces, p: int, planes: np.ndarray, bounds: int, aside: float, out: np.ndarray, spare: np.ndarray) -> int:
     """Write the part of face `p` before all planes (bounds, 4), and `aside` metres before the first plane, to `out` (M, 3); returns the
-    number of its corners. other: (M, 3) memory.
+    number of its corners. spare: (M, 3) memory.
     """
-    one, two, count = out, other, faces.corners[p]
-    copy(faces.outline[p], count, one)
+    polygon, clipped, count = out, spare, faces.corners[p]
+    copy(faces.outline[p], count, polygon)
     for i in range(bounds):
-        count = clip(one, count, vector(planes, i), planes[i, 3] + (aside if i == 0 else 0.0), two)
-        one, two = two, one
+        count = clip(polygon, count, vector(planes, i), planes[i, 3] + (aside if i == 0 else 0.0), clipped)
+        polygon, clipped = clipped, polygon
         if count == 0:
             return 0
     if bounds % 2:
-        copy(one, count, out)
+        copy(polygon, count, out)
     return count
 
 
 @innermost
 def _place_planes(
-    faces: Faces, chain: np.ndarray, place: Point, front: np.ndarray, one: np.ndarray, two: np.ndarray, out: np.ndarray
+    faces: Faces, chain: np.ndarray, place: Point, front: np.ndarray, polygon: np.ndarray, spare: np.ndarray, out: np.ndarray
 ) -> int:  # fmt: skip
     """Write the planes that bound the beam from one place over the faces of a chain, as `beam_planes`; returns their number. It is 0 if the
     last face is not lit, and for an empty chain without a plane `front`.
 
-    one, two: (M, 3), memory for polygons.
+    polygon, spare: (M, 3), memory for polygons.
     """
     at = place[0], place[1], place[2]
-    bounds = beam_planes(faces, -1, at, 0.0, one, 0, front, out)
+    bounds = beam_planes(faces, -1, at, 0.0, polygon, 0, front, out)
     for j in range(len(chain)):
-        count = _lit_part(faces, chain[j], out, bounds, 0.0, one, two)
+        count = _lit_part(faces, chain[j], out, bounds, 0.0, polygon, spare)
         if count == 0:
             return 0
         at = mirrored(faces, chain[j], at, 1.0)
-        bounds = beam_planes(faces, chain[j], at, 0.0, one, count, front, out)
+        bounds = beam_planes(faces, chain[j], at, 0.0, polygon, count, front, out)
         if bounds == 0:
             return 0
     return bounds
 
 
 @compiled
-def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, used: int) -> tuple[int, int]:
+def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, number: int) -> tuple[int, int]:
     """Append the beams that follow beams start:stop. Returns the number of beams, and the first of the beams start:stop whose followers did
     not fit into the arrays.
     """
     faces, most = walls.faces, beams.polygon.shape[1]
-    planes, one, two = np.empty((most + 1, 4)), np.empty((most, 3)), np.empty((most, 3))
-    points, found = np.empty((beams.chain.shape[1] + 1, 3)), np.empty(MAX_PANES, np.int64)
+    planes, polygon, spare = np.empty((most + 1, 4)), np.empty((most, 3)), np.empty((most, 3))
+    points, pane_ids = np.empty((beams.chain.shape[1] + 1, 3)), np.empty(MAX_PANES, np.int64)
     places, place, reach = len(cell.places), vector(cell.places, 0), cell.radius
     views, counts = np.empty((places, most + 1, 4)), np.zeros(places, np.int64)  # the bounds of the beam of each place alone
     faces_of = np.empty(beams.chain.shape[1], np.int64)
     for b in range(start, stop):
-        m, known = beams.order[b], used
+        m, known = beams.order[b], number
         before, at = beams.chain[b, :m], vector(beams.image, b)
         faces_of[:m] = before
         last = before[m - 1] if m else -1
         for i in range(places):
             if beams.seen[b, i]:
-                counts[i] = _place_planes(faces, before, cell.places[i], cell.front, one, two, views[i])
+                counts[i] = _place_planes(faces, before, cell.places[i], cell.front, polygon, spare, views[i])
         bounds = beam_planes(faces, last, at, reach, beams.polygon[b], beams.corners[b], cell.front, planes)
         for p in range(len(faces.offset)):
             height = dot(at, vector(faces.normal, p)) - faces.offset[p]
             if p == last or walls.loudness[p] == 0 or not _within(planes, bounds, vector(walls.centre, p), walls.radius[p]):
                 continue
-            count = _lit_part(faces, p, planes, bounds, 1e-6 if m else 0.0, one, two)
-            if count == 0 or twice_area(one, count) < TINY_M2:
+            count = _lit_part(faces, p, planes, bounds, 1e-6 if m else 0.0, polygon, spare)
+            if count == 0 or twice_area(polygon, count) < TINY_M2:
                 continue
-            middle = middle_of(one, count)
+            middle = middle_of(polygon, count)
             faces_of[m] = p
-            reflected = _reflected(faces, walls.envelope, faces_of[: m + 1], at, reach, one, count)
-            away = _beyond(one, count, middle, at) + _beyond(one, count, middle, place) - 2 * reach
+            reflected = _reflected(faces, walls.envelope, faces_of[: m + 1], at, reach, polygon, count)
+            away = _beyond(polygon, count, middle, at) + _beyond(polygon, count, middle, place) - 2 * reach
             least = cell.least * max(away, 0.0) / BOTH
             if reflected * beams.passed[b] < max(least, 1e-30):
                 continue
-            if used == len(beams.order):
+            if number == len(beams.order):
                 return known, b
-            beams.polygon[used, :count], beams.corners[used] = one[:count], count
+            beams.polygon[number, :count], beams.corners[number] = polygon[:count], count
             lit, met = 0.0, False
             for i in range(places):
-                sees = _lit_part(faces, p, views[i], counts[i], 0.0, one, two) if beams.seen[b, i] else 0
-                beams.seen[used, i] = sees > 0
-                source, centre, known_lit = cell.places[i], middle_of(one, max(sees, 1)), lit
+                sees = _lit_part(faces, p, views[i], counts[i], 0.0, polygon, spare) if beams.seen[b, i] else 0
+                beams.seen[number, i] = sees > 0
+                source, centre, known_lit = cell.places[i], middle_of(polygon, max(sees, 1)), lit
                 for k in range(2 * sees + 1 if sees and lit < beams.passed[b] else 0):
                     # the middle, and two points on the way to each corner, in another order for each place
                     sample = (i + k) % (2 * sees + 1) - 1
                     share = 0.0 if sample < 0 else 0.5 if sample < sees else 0.9
-                    x = moved(centre, toward(centre, vector(one, sample % sees), 1.0), share)
+                    x = moved(centre, toward(centre, vector(polygon, sample % sees), 1.0), share)
                     if reflect_points(faces, source, before, x, points):
-                        lit, met = max(lit, _passed(walls, source, points, m, x, found, least / reflected)), True
+                        lit, met = max(lit, _passed(walls, source, points, m, x, pane_ids, least / reflected)), True
                         if known_lit > 0 or lit >= beams.passed[b]:  # one sample of each place after a lit one
                             break
             if not met:  # only places between the tested ones see a part of the beam
                 lit = beams.passed[b]
             if lit == 0:
                 continue
-            beams.chain[used, :m], beams.chain[used, m], beams.chain[used, m + 1 :], beams.order[used] = before, p, -1, m + 1
-            beams.image[used] = beams.image[b] - 2 * height * faces.normal[p]
-            beams.strength[used], beams.passed[used] = reflected * lit, lit
-            used += 1
-    return used, stop
+            beams.chain[number, :m], beams.chain[number, m], beams.chain[number, m + 1 :], beams.order[number] = before, p, -1, m + 1
+            beams.image[number] = beams.image[b] - 2 * height * faces.normal[p]
+            beams.strength[number], beams.passed[number] = reflected * lit, lit
+            number += 1
+    return number, stop
 
 
 def _longer(values: np.ndarray) -> np.ndarray:
@@ -323,25 +323,25 @@ def _longer(values: np.ndarray) -> np.ndarray:
 
 def beams(walls: Walls, cell: Cell, longest: int) -> Beams:
     """Follow the beams of a cell over at most `longest` reflections. Beams too weak for `Cell.least` are left out."""
-    most, room = walls.faces.outline.shape[1] + SPARE, 4096
+    most, capacity = walls.faces.outline.shape[1] + SPARE, 4096
     shapes = (max(longest, 1),), (), (3,), (most, 3), (), (len(cell.places),), (), ()  # in the order of Beams
     kinds = (int, int, float, float, int, bool, float, float)
-    found = Beams(*(np.empty((room, *shape), kind) for shape, kind in zip(shapes, kinds, strict=True)))
-    for values, first in zip(found, (-1, 0, cell.places[0], 0, 0, True, 1, 1), strict=True):
+    buffer = Beams(*(np.empty((capacity, *shape), kind) for shape, kind in zip(shapes, kinds, strict=True)))
+    for values, first in zip(buffer, (-1, 0, cell.places[0], 0, 0, True, 1, 1), strict=True):
         values[0] = first
-    start, used = 0, 1
+    start, number = 0, 1
     for _ in range(longest):
-        end = used
+        end = number
         while start < end:
-            used, start = _grown(walls, cell, found, start, end, used)
+            number, start = _grown(walls, cell, buffer, start, end, number)
             if start < end:
-                found = Beams(*map(_longer, found))
-    return Beams(*(values[:used] for values in found))
+                buffer = Beams(*map(_longer, buffer))
+    return Beams(*(values[:number] for values in buffer))
 
 
 @compiled
 def _reach(
-    walls: Walls, cell: Cell, beams: Beams, samples: np.ndarray, longest: int, own: np.ndarray, twice: bool, out: np.ndarray,
+    walls: Walls, cell: Cell, beams: Beams, samples: np.ndarray, longest: int, edge_order: np.ndarray, twice: bool, out: np.ndarray,
     through: np.ndarray,
 ) -> int:  # fmt: skip
     """Write (edge, beam) of all edges that a beam reaches, and the transmission to each; returns their number, or -1 if `out` is too short.
@@ -354,10 +354,11 @@ def _reach(
     newest, before_it = np.full((len(faces.length), (longest + 1) // 2), -1), np.empty(len(out), np.int64)
     place, reach = vector(cell.places, 0), cell.radius
     most = beams.polygon.shape[1]
-    planes, points, one, two = np.empty((most + 1, 4)), np.empty((beams.chain.shape[1] + 1, 3)), np.empty((most, 3)), np.empty((most, 3))
+    planes, points = np.empty((most + 1, 4)), np.empty((beams.chain.shape[1] + 1, 3))
+    polygon, spare = np.empty((most, 3)), np.empty((most, 3))
     views, counts = np.empty((len(cell.places), most + 1, 4)), np.empty(len(cell.places), np.int64)
-    found = np.empty(MAX_PANES, np.int64)
-    used = 0
+    pane_ids = np.empty(MAX_PANES, np.int64)
+    number = 0
     for b in range(len(beams.order)):
         m = beams.order[b]
         before, at = beams.chain[b, :m], vector(beams.image, b)
@@ -366,12 +367,12 @@ def _reach(
             continue
         for i in range(len(cell.places)):
             if beams.seen[b, i]:
-                counts[i] = _place_planes(faces, before, cell.places[i], cell.front, one, two, views[i])
+                counts[i] = _place_planes(faces, before, cell.places[i], cell.front, polygon, spare, views[i])
         bounds = beam_planes(faces, last, at, reach, beams.polygon[b], beams.corners[b], cell.front, planes)
         for e in range(len(faces.length)):
             if last >= 0 and (faces.sides[e, 0] == last or faces.sides[e, 1] == last):
                 continue
-            back = longest - own[e] - m
+            back = longest - edge_order[e] - m
             fewer = not twice and back < m
             if fewer and (back < 0 or newest[e, : back + 1].max() < 0):
                 continue
@@ -379,12 +380,14 @@ def _reach(
             low, high = part_inside(planes, bounds, start, along, faces.length[e])
             if low >= high or not _is_open(faces, e, start, at, reach):
                 continue
+            # shortest way over the edge: from the image to the lit part, and straight back to the cell
             foot, straight = dot(toward(start, at, 1.0), along), dot(toward(start, place, 1.0), along)
             near = distance(at, moved(start, along, min(max(foot, low), high)))
             near = max(near + distance(place, moved(start, along, min(max(straight, 0.0), faces.length[e]))) - 2 * reach, 0.0)
             least = cell.least * near * beams.passed[b] / (BOTH * beams.strength[b])  # smallest transmission that matters
             if beams.passed[b] < least:
                 continue
+            # a beam of fewer reflections that reaches the edge and closes a strong path
             returns = not fewer
             for few in range(min(back + 1, newest.shape[1]) if fewer else 0):
                 a = newest[e, few]
@@ -395,6 +398,7 @@ def _reach(
                     a = before_it[a]
             if not returns:
                 continue
+            # largest transmission to samples of the part of the edge that each place lights
             lit = 0.0
             for i in range(len(cell.places)):
                 if not beams.seen[b, i]:
@@ -406,20 +410,20 @@ def _reach(
                     z = min(max(foot, low + 1e-5), high - 1e-5) if k < 0 else low + samples[(i + k) % len(samples)] * (high - low)
                     x = edge_point(faces, e, z)
                     if reflect_points(faces, source, before, x, points):
-                        lit = max(lit, _passed(walls, source, points, m, x, found, least))
+                        lit = max(lit, _passed(walls, source, points, m, x, pane_ids, least))
                         if known > 0 or lit >= beams.passed[b]:
                             break
                 if lit >= beams.passed[b]:
                     break
             if lit == 0:
                 continue
-            if used == len(out):
+            if number == len(out):
                 return -1
-            out[used, 0], out[used, 1], through[used] = e, b, lit
+            out[number, 0], out[number, 1], through[number] = e, b, lit
             if 2 * m < longest:
-                newest[e, m], before_it[used] = used, newest[e, m]
-            used += 1
-    return used
+                newest[e, m], before_it[number] = number, newest[e, m]
+            number += 1
+    return number
 
 
 def own_reflections(faces: Faces) -> np.ndarray:
@@ -432,17 +436,17 @@ def own_reflections(faces: Faces) -> np.ndarray:
     return np.maximum(1, np.round(1 / faces.opening)).astype(np.int64)
 
 
-def reached(walls: Walls, cell: Cell, found: Beams, longest: int, twice: bool) -> tuple[np.ndarray, np.ndarray]:
+def reached(walls: Walls, cell: Cell, beams: Beams, longest: int, twice: bool) -> tuple[np.ndarray, np.ndarray]:
     """Return (edge, beam) of all edges that beams of fewer than `longest` reflections reach, (M, 2), ordered by edge.
 
     The second result is the largest transmission (M,) of the panes on the way. twice: whether paths may have two diffractions.
     """
-    few = _fewer(found, longest)
+    few = _fewer(beams, longest)
 
     def written(rows: int) -> tuple[np.ndarray, np.ndarray] | None:
         out, through = np.empty((rows, 2), np.int64), np.empty(rows)
-        used = _reach(walls, cell, few, np.array(SAMPLES), longest, own_reflections(walls.faces), twice, out, through)
-        return (out[:used], through[:used]) if used >= 0 else None
+        number = _reach(walls, cell, few, np.array(SAMPLES), longest, own_reflections(walls.faces), twice, out, through)
+        return (out[:number], through[:number]) if number >= 0 else None
 
     out, through = fitted(written, 65536)
     order = np.argsort(out[:, 0], kind="stable")
@@ -496,12 +500,12 @@ def _share(faces: Faces, e: int, wavenumber: float, radius: float, source: Vecto
 @innermost
 def _is_open(faces: Faces, e: int, x: Vector, end: Vector, radius: float) -> bool:
     """Return whether the line from a point x of edge `e` to a ball around `end` can run in the open sector of the edge."""
-    turn, most = open_angle(faces, e, toward(x, end, 1.0)), faces.opening[e] * math.pi
-    if turn <= most:
+    phi, most = open_angle(faces, e, toward(x, end, 1.0)), faces.opening[e] * math.pi
+    if phi <= most:
         return True
     # distance of the end from the edge's line, on which the angle depends
     away = math.sqrt(max(distance(x, end) ** 2 - dot(toward(x, end, 1.0), vector(faces.along, e)) ** 2, 0.0))
-    return away * math.sin(min(turn - most, 2 * math.pi - turn, 0.5 * math.pi)) <= radius
+    return away * math.sin(min(phi - most, 2 * math.pi - phi, 0.5 * math.pi)) <= radius
 
 
 @innermost
@@ -526,8 +530,8 @@ def _linked(walls: Walls, samples: np.ndarray, wanted: np.ndarray, piece: int, p
 
     The first edge is one of piece, piece + pieces, piece + 2 pieces, ..., and not after the second edge.
     """
-    faces, used, edges = walls.faces, 0, len(walls.faces.length)
-    points, chain, found = np.empty((2, 3)), np.empty(1, np.int64), np.empty(MAX_PANES, np.int64)
+    faces, number, edges = walls.faces, 0, len(walls.faces.length)
+    points, chain, pane_ids = np.empty((2, 3)), np.empty(1, np.int64), np.empty(MAX_PANES, np.int64)
     for e in range(piece, edges, pieces):
         middle1 = moved(vector(faces.start, e), vector(faces.along, e), 0.5 * faces.length[e])
         for f in range(e, edges):
@@ -552,16 +556,16 @@ def _linked(walls: Walls, samples: np.ndarray, wanted: np.ndarray, piece: int, p
                             continue
                         here, there = moved(start, shift, 1.0), moved(end, shift, 1.0)
                         over = p < 0 or reflect_points(faces, here, chain, there, points)
-                        seen = seen or (over and panes_on(walls.tree, walls.opaque, here, points, int(p >= 0), there, found) >= 0)
+                        seen = seen or (over and panes_on(walls.tree, walls.opaque, here, points, int(p >= 0), there, pane_ids) >= 0)
                     if seen:
                         break
                 if not seen:
                     continue
-                if used == len(out):
+                if number == len(out):
                     return -1
-                out[used, 0], out[used, 1], out[used, 2] = e, f, p
-                used += 1
-    return used
+                out[number, 0], out[number, 1], out[number, 2] = e, f, p
+                number += 1
+    return number
 
 
 class Links:
@@ -577,8 +581,8 @@ class Links:
         with self._lock:
             new = wanted & ~self._known
             if new.any():
-                found = _listed(lambda piece, pieces, out: _linked(self._walls, np.array(PLACES), new, piece, pieces, out), 4 * cores())
-                self._known, self._rows = self._known | new, np.concatenate([self._rows, found])
+                rows = _listed(lambda piece, pieces, out: _linked(self._walls, np.array(PLACES), new, piece, pieces, out), 4 * cores())
+                self._known, self._rows = self._known | new, np.concatenate([self._rows, rows])
             return self._rows
 
 
@@ -602,7 +606,7 @@ class _Arrivals(NamedTuple):
 
     Attributes:
         first: (E + 1,) range of each edge. order: (M,) reflections of the beam. image: (M, 3). strength: (M,) largest field at one metre.
-        longest: largest number of reflections of a path. own: (E,) of `own_reflections`. reach: radius of the cell in metres.
+        longest: largest number of reflections of a path. edge_order: (E,) of `own_reflections`. reach: radius of the cell in metres.
     """
 
     first: np.ndarray
@@ -610,7 +614,7 @@ class _Arrivals(NamedTuple):
     image: np.ndarray
     strength: np.ndarray
     longest: int
-    own: np.ndarray
+    edge_order: np.ndarray
     reach: float
 
 
@@ -621,8 +625,8 @@ def _doubles(walls: Walls, linked: np.ndarray, least: float, arrivals: _Arrivals
 
     The function examines the rows piece, piece + pieces, piece + 2 pieces, ... of `linked`.
     """
-    faces, wavenumber, used = walls.faces, walls.wavenumber, 0
-    first, order, image, strength, longest, own, reach = arrivals
+    faces, wavenumber, number = walls.faces, walls.wavenumber, 0
+    first, order, image, strength, longest, edge_order, reach = arrivals
     best = np.zeros(len(faces.length))
     for f in range(len(faces.length)):
         if first[f] < first[f + 1]:
@@ -630,7 +634,7 @@ def _doubles(walls: Walls, linked: np.ndarray, least: float, arrivals: _Arrivals
     for link in range(piece, len(linked), pieces):
         e, f, p = linked[link]
         over = 1 if p >= 0 else 0
-        spare = longest - max(own[e], own[f])
+        spare = longest - max(edge_order[e], edge_order[f])
         if best[e] == 0 or best[f] == 0 or spare < over:
             continue
         start1, along1 = vector(faces.start, e), vector(faces.along, e)
@@ -643,6 +647,7 @@ def _doubles(walls: Walls, linked: np.ndarray, least: float, arrivals: _Arrivals
             at_a = vector(image, a)
             if order[a] + over > spare or gain * strength[a] * best[f] < least * (distance(at_a, middle1) - reach) * 0.4:
                 continue
+            # bound before the second beam is known: the share of the first edge, at most 1.5 for the second, and the length up to it
             z2 = min(max(keller(start2, along2, at_a, at_a), 0.0), faces.length[f])
             x2 = moved(start2, along2, z2)
             z1 = min(max(keller(start1, along1, at_a, x2), 0.0), faces.length[e])
@@ -661,6 +666,7 @@ def _doubles(walls: Walls, linked: np.ndarray, least: float, arrivals: _Arrivals
                     at_b = mirrored(faces, p, at_b, 1.0)
                 if 1.5 * base * strength[b] < least * (length + distance(at_b, x2)):
                     continue
+                # points of diffraction, by steps in which each edge gets Keller's point for the other edge's point
                 y1, y2 = x1, x2
                 for _ in range(FEW):
                     z2 = keller(start2, along2, y1, at_b)
@@ -668,6 +674,7 @@ def _doubles(walls: Walls, linked: np.ndarray, least: float, arrivals: _Arrivals
                     z1 = keller(start1, along1, at_a, y2)
                     y1 = moved(start1, along1, z1)
                 whole = max(distance(at_a, y1) + distance(y1, y2) + distance(y2, at_b) - 2 * reach, 1e-3)
+                # estimate: both fields over the whole length, times the weight and the share of each edge
                 worth = gain * strength[a] * strength[b] / whole
                 worth *= _taper(start1, along1, faces.length[e], wavenumber, reach, z1, at_a, y2)
                 worth *= _taper(start2, along2, faces.length[f], wavenumber, reach, z2, y1, at_b)
@@ -685,11 +692,11 @@ def _doubles(walls: Walls, linked: np.ndarray, least: float, arrivals: _Arrivals
                     continue
                 if worth * _share(faces, f, wavenumber, reach, at_b, y2, y1) < least:
                     continue
-                if used == len(out):
+                if number == len(out):
                     return -1
-                out[used, 0], out[used, 1], out[used, 2] = a, p if over else -1, b
-                used += 1
-    return used
+                out[number, 0], out[number, 1], out[number, 2] = a, p if over else -1, b
+                number += 1
+    return number
 
 
 @dataclass(frozen=True)
@@ -742,7 +749,7 @@ def _closed(walls: Walls, cell: Cell, beams: Beams, low: int, high: int, out: np
     """Write (beam, face, -1) of the beams low:high whose path over the face can end in the cell; return their number, -1 if `out` is too
     short.
     """
-    faces, used, end, reach = walls.faces, 0, vector(cell.places, 0), cell.radius
+    faces, number, end, reach = walls.faces, 0, vector(cell.places, 0), cell.radius
     # Largest field at one metre of the beams with one reflection; such a beam is the reverse of a path's last leg.
     last = np.zeros(len(faces.offset))
     for b in range(len(beams.order)):
@@ -756,18 +763,18 @@ def _closed(walls: Walls, cell: Cell, beams: Beams, low: int, high: int, out: np
                 continue
             if m and beams.strength[b] * last[p] < cell.least * (distance(mirrored(faces, p, at, 1.0), end) - 2 * reach):
                 continue
-            if used == len(out):
+            if number == len(out):
                 return -1
-            out[used, 0], out[used, 1], out[used, 2] = b, p, -1
-            used += 1
-    return used
+            out[number, 0], out[number, 1], out[number, 2] = b, p, -1
+            number += 1
+    return number
 
 
-def closed(walls: Walls, cell: Cell, found: Beams, longest: int) -> Iterator[Sequences]:
+def closed(walls: Walls, cell: Cell, beams: Beams, longest: int) -> Iterator[Sequences]:
     """Yield the sequences of at most `longest` faces, without edges, over which beams of the cell can return to it, for BEAMS_AT_ONCE
     beams at a time.
     """
-    few = _fewer(found, longest)
+    few = _fewer(beams, longest)
     for low in range(0, len(few.order), BEAMS_AT_ONCE):
         high = min(low + BEAMS_AT_ONCE, len(few.order))
         beam, face, _ = _listed(lambda _, __, out, low=low, high=high: _closed(walls, cell, few, low, high, out), 1).T
@@ -795,20 +802,20 @@ def _singles(walls: Walls, least: float, arrivals: _Arrivals, out: np.ndarray) -
     """Write (arrival, -1, arrival) of single diffractions that can be as strong as `least`; returns their number, or -1 if `out` is too
     short.
     """
-    faces, used = walls.faces, 0
-    first, order, image, strength, longest, own, reach = arrivals
+    faces, number = walls.faces, 0
+    first, order, image, strength, longest, edge_order, reach = arrivals
     for e in range(len(faces.length)):
         for a in range(first[e], first[e + 1]):
             for b in range(a, first[e + 1]):
-                if order[a] + order[b] + own[e] > longest:
+                if order[a] + order[b] + edge_order[e] > longest:
                     continue
                 if not _single(faces, e, walls.wavenumber, reach, strength[a] * strength[b], least, vector(image, a), vector(image, b)):
                     continue
-                if used == len(out):
+                if number == len(out):
                     return -1
-                out[used, 0], out[used, 1], out[used, 2] = a, -1, b
-                used += 1
-    return used
+                out[number, 0], out[number, 1], out[number, 2] = a, -1, b
+                number += 1
+    return number
 
 
 @compiled
@@ -832,7 +839,7 @@ def _joined(
 
 
 def sequences(
-    walls: Walls, cell: Cell, found: Beams, arrivals: np.ndarray, strength: np.ndarray, linked: np.ndarray, longest: int
+    walls: Walls, cell: Cell, beams: Beams, arrivals: np.ndarray, strength: np.ndarray, linked: np.ndarray, longest: int
 ) -> Sequences:
     """Join reached edges and their beams to sequences with edges that start and end at the sensor and can be as strong as `cell.least`.
 
@@ -844,8 +851,8 @@ def sequences(
     arrivals, strength = arrivals[falling], strength[falling]
     first = np.searchsorted(arrivals[:, 0], np.arange(len(walls.faces.length) + 1))
     beam = arrivals[:, 1]
-    order, image = found.order[beam], found.image[beam]
-    width = max(found.chain.shape[1], longest, 1)
+    order, image = beams.order[beam], beams.image[beam]
+    width = max(beams.chain.shape[1], longest, 1)
     parts = []
     known = _Arrivals(first, order, image, strength, longest, own_reflections(walls.faces), cell.radius)
     once = _listed(lambda piece, pieces, out: _singles(walls, cell.least, known, out), 1)
@@ -859,7 +866,7 @@ def sequences(
         turned = (arrivals[a, 0] == arrivals[b, 0]) & (beam[a] > beam[b])
         rows[turned] = rows[turned][:, ::-1]
         part = np.zeros((k, 3), np.int64), np.zeros((k, 2), np.int64), np.full((k, width), -1), np.zeros(k, bool)
-        _joined(rows, found.chain[beam], order, np.ascontiguousarray(arrivals[:, 0]), double, *part)
+        _joined(rows, beams.chain[beam], order, np.ascontiguousarray(arrivals[:, 0]), double, *part)
         parts.append(part)
     return Sequences(*(np.concatenate(values) for values in zip(*parts, strict=True)))
 
@@ -870,8 +877,8 @@ def _listed(search: Callable[[int, int, np.ndarray], int], pieces: int) -> np.nd
     """
 
     def listed(piece: int, rows: int) -> np.ndarray | None:
-        used = search(piece, pieces, out := np.empty((rows, 3), np.int64))
-        return out[:used].copy() if used >= 0 else None
+        number = search(piece, pieces, out := np.empty((rows, 3), np.int64))
+        return out[:number].copy() if number >= 0 else None
 
     # memory that nothing reads or writes costs no time
     rows = np.concatenate(each(lambda piece: fitted(partial(listed, piece), 1 << 20), range(pieces)))

@@ -112,16 +112,16 @@ def edges_of(faces: Faces) -> Hierarchy:
 @innermost
 def past_faces(
     faces: Faces, edges: Hierarchy, tree: Hierarchy, opaque: np.ndarray, line: Line, wavenumber: float, mirror_a: int, mirror_b: int,
-    panes: np.ndarray, others: np.ndarray,
+    pane_ids: np.ndarray, others: np.ndarray,
 ) -> complex:  # fmt: skip
     """Return the factor of a line past flat faces, for exp(+j k L).
 
     Args:
         edges: edges of the faces that hide. tree: all triangles that can block. opaque: (surfaces,) whether a surface blocks.
         mirror_a, mirror_b: mirrors of the path, or -1; their own edges do not count.
-        panes, others: (MAX_PANES,) int and (surfaces,) bool, memory.
+        pane_ids, others: (MAX_PANES,) int and (surfaces,) bool, memory.
     """
-    total = 1 + 0j if crossed(tree, line.start, line.end, opaque, panes) >= 0 else 0j
+    total = 1 + 0j if crossed(tree, line.start, line.end, opaque, pane_ids) >= 0 else 0j
     for i in range(len(opaque)):
         others[i] = opaque[i]
     box, node = edges.box, 0
@@ -140,7 +140,7 @@ def past_faces(
             if abs(value) > SEEN:  # whether the edge is visible from both ends
                 x, surface = edge_point(faces, e, place), faces.surface[faces.sides[e, 0]]
                 others[surface] = False  # a thick body hides its own outline, but the wave creeps around it
-                if crossed(tree, line.start, x, others, panes) < 0 or crossed(tree, x, line.end, others, panes) < 0:
+                if crossed(tree, line.start, x, others, pane_ids) < 0 or crossed(tree, x, line.end, others, pane_ids) < 0:
                     value = 0j
                 others[surface] = opaque[surface]
             total += side * value

@@ -155,8 +155,8 @@ def _borders(body: Skin, viewer: np.ndarray, seen: np.ndarray) -> tuple[np.ndarr
     edges, steps = np.empty(len(body.ends), np.int64), np.empty(len(body.ends), np.int64)
     count = 0
     for e in range(len(body.ends)):
-        one, other = body.faces[e]
-        if not layer[one] and (other < 0 or not layer[other]):
+        face, other = body.faces[e]
+        if not layer[face] and (other < 0 or not layer[other]):
             continue
         rises = seen[body.ends[e, 0], 1] <= seen[body.ends[e, 1], 1]
         step = 0
@@ -209,19 +209,19 @@ def _intervals(
         spans[i, 0], spans[i, 1] = np.searchsorted(rows, min(a, b)), np.searchsorted(rows, max(a, b))
         first[spans[i, 0] + 1 : spans[i, 1] + 1] += 1
     first = np.cumsum(first)
-    place, step, used = np.empty((first[-1], 2)), np.empty(first[-1], np.int64), np.zeros(len(rows), np.int64)
+    place, step, filled = np.empty((first[-1], 2)), np.empty(first[-1], np.int64), np.zeros(len(rows), np.int64)
     for i in range(len(edges)):
         low, high = body.ends[edges[i], 0], body.ends[edges[i], 1]
         for row in range(spans[i, 0], spans[i, 1]):
             share = (rows[row] - seen[low, 1]) / (seen[high, 1] - seen[low, 1])
             at = seen[low, 0] + share * (seen[high, 0] - seen[low, 0])
             depth = seen[low, 2] + share * (seen[high, 2] - seen[low, 2])
-            n = first[row] + used[row]
+            n = first[row] + filled[row]
             while n > first[row] and place[n - 1, 0] > at:
                 place[n], step[n] = place[n - 1], step[n - 1]
                 n -= 1
             place[n, 0], place[n, 1], step[n] = at, depth, steps[i]
-            used[row] += 1
+            filled[row] += 1
     left, right = np.empty((len(rows), MAX_INTERVALS, 2)), np.empty((len(rows), MAX_INTERVALS, 2))
     count = np.zeros(len(rows), np.int64)
     for row in range(len(rows)):
@@ -242,7 +242,7 @@ def _intervals(
 @compiled
 def _polygons(rows: np.ndarray, left: np.ndarray, right: np.ndarray, count: np.ndarray, tolerance: float, out: np.ndarray) -> int:
     """Write the edges of the polygons around the intervals of all rows to `out`, in the picture; -1 if they are too many."""
-    used, begin = 0, 0
+    total, begin = 0, 0
     chain, kept = np.empty((len(rows) + 2, 3)), np.empty(len(rows) + 2, np.int64)
     while begin < len(rows):
         stop = begin + 1  # the intervals of the rows `begin` to `stop` - 1 continue each other
@@ -260,22 +260,22 @@ def _polygons(rows: np.ndarray, left: np.ndarray, right: np.ndarray, count: np.n
                     chain[n, 1] = bottom if row < begin else top if row == stop else rows[row]
                     n += 1
                 points = _thinned(chain[:n], tolerance, kept)
-                if used + points + 1 > len(out):
+                if total + points + 1 > len(out):
                     return -1
                 for i in range(1, points):  # the right side goes up, the left side down
                     a, b = (kept[i - 1], kept[i]) if side else (kept[i], kept[i - 1])
-                    out[used, 0], out[used, 1] = chain[a], chain[b]
-                    used += 1
+                    out[total, 0], out[total, 1] = chain[a], chain[b]
+                    total += 1
             for high in range(2):  # the bottom goes to the right, the top to the left
                 row, height = (stop - 1, top) if high else (begin, bottom)
                 for end in range(2):
                     ends = right if end != high else left
-                    out[used, end, 0], out[used, end, 1], out[used, end, 2] = ends[row, k, 0], height, ends[row, k, 1]
-                used += 1
-                if used >= len(out):
+                    out[total, end, 0], out[total, end, 1], out[total, end, 2] = ends[row, k, 0], height, ends[row, k, 1]
+                total += 1
+                if total >= len(out):
                     return -1
         begin = stop
-    return used
+    return total
 
 
 @compiled

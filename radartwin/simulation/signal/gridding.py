@@ -56,7 +56,7 @@ class Setup(NamedTuple):
 
 
 @compiled
-def _turn(cycles):
+def _phasor(cycles):
     """Return cosine and sine of the angle 2 pi cycles, with an error of 1e-11.
 
     The function uses Taylor series of half the angle, whose magnitude is at most pi/2.
@@ -182,7 +182,7 @@ def ripple(first, last, departure, arrival, num_tx, points, weights, out):
             re, im = weights[k, 0].real, weights[k, 0].imag
             for j in range(copies):
                 d, w = points[k, j], weights[k, 1 + j]
-                c, s = _turn(-(d[0] * way[0] + d[1] * way[1] + d[2] * way[2]))
+                c, s = _phasor(-(d[0] * way[0] + d[1] * way[1] + d[2] * way[2]))
                 re += w.real * c - w.imag * s
                 im += w.real * s + w.imag * c
             factor[k] = complex(re, im)
@@ -204,7 +204,7 @@ def spread(first, last, starts, paths, setup, grid):
     """
     channels = len(setup.tx) * len(setup.rx)
     width = (grid.shape[2] // (2 * channels) - setup.cells) * 2 * channels
-    received, length, turn, offset = np.empty(len(setup.rx)), np.empty(channels), np.empty((2, channels)), np.empty(channels)
+    received, length, phasor, offset = np.empty(len(setup.rx)), np.empty(channels), np.empty((2, channels)), np.empty(channels)
     orders = np.empty(grid.shape[1])
     shift, lines = np.empty(channels, np.int64), np.empty((3, width), np.float32)
     shape, turned = lines[0].reshape(-1, 2, channels), lines[1].reshape(-1, 2, channels)
@@ -212,7 +212,7 @@ def spread(first, last, starts, paths, setup, grid):
     for task in range(first, last):
         _by_delay(starts[task], starts[task + 1], paths, setup, order, ends)
         for i in range(starts[task + 1] - starts[task]):
-            _spread(order[i], paths, setup, grid[task], orders, received, length, turn, offset, shift, shape, turned, lines)
+            _spread(order[i], paths, setup, grid[task], orders, received, length, phasor, offset, shift, shape, turned, lines)
 
 
 @innermost
@@ -252,10 +252,10 @@ def _lengths(p, paths, setup, drift, received, length):
 
 
 @innermost
-def _spread(p, paths, setup, grid, orders, received, length, turn, offset, shift, shape, turned, lines):
+def _spread(p, paths, setup, grid, orders, received, length, phasor, offset, shift, shape, turned, lines):
     """Add path `p` to the delay grid (terms, (cells + pad) x 2 C) of its task.
 
-    The other arguments are work arrays: `orders` (terms,), `received` (R,), `turn` (2, C), and `length`, `offset` and `shift` (C,).
+    The other arguments are work arrays: `orders` (terms,), `received` (R,), `phasor` (2, C), and `length`, `offset` and `shift` (C,).
     `shape` (cells, 2, C) receives the weights of a copy of the path in all channels of the cells that its kernel reaches, and `turned` the
     same times j. They are the first two rows of `lines` (3, cells x 2 C), whose third row receives the sum of all copies.
     """
@@ -264,13 +264,13 @@ def _spread(p, paths, setup, grid, orders, received, length, turn, offset, shift
     _lengths(p, paths, setup, setup.middle_s * paths.rate[p], received, length)
     lowest = np.inf
     for c in range(channels):
-        turn[0, c], turn[1, c] = _turn(setup.cycles_per_m * length[c])
+        phasor[0, c], phasor[1, c] = _phasor(setup.cycles_per_m * length[c])
         offset[c] = setup.cells_per_m * length[c]
         lowest = min(lowest, offset[c])
     if len(paths.gain) > 0:
         for c in range(channels):
             g = paths.gain[p, c]
-            turn[0, c], turn[1, c] = turn[0, c] * g.real - turn[1, c] * g.imag, turn[0, c] * g.imag + turn[1, c] * g.real
+            phasor[0, c], phasor[1, c] = phasor[0, c] * g.real - phasor[1, c] * g.imag, phasor[0, c] * g.imag + phasor[1, c] * g.real
     # The channels share the leftmost cell; `offset` is the position of a channel between two cells, `shift` its distance in cells.
     lowest = np.floor(lowest)
     farthest = 0
@@ -285,7 +285,7 @@ def _spread(p, paths, setup, grid, orders, received, length, turn, offset, shift
             weight = kernel[0, i]
             for d in range(1, DEGREE + 1):
                 weight = weight * offset[c] + kernel[d, i]
-            shape[i, 0, c], shape[i, 1, c] = weight * turn[0, c], weight * turn[1, c]
+            shape[i, 0, c], shape[i, 1, c] = weight * phasor[0, c], weight * phasor[1, c]
     reach = TAPS + farthest
     if farthest > 0:
         shape[TAPS:reach] = 0.0
@@ -298,7 +298,7 @@ def _spread(p, paths, setup, grid, orders, received, length, turn, offset, shift
         for c in range(channels):
             turned[i, 0, c], turned[i, 1, c] = -shape[i, 1, c], shape[i, 0, c]
     width = 2 * channels
-    left, one, every = (int(lowest) - copies // 2) % setup.cells * width, reach * width, (reach + copies - 1) * width
+    left, size, every = (int(lowest) - copies // 2) % setup.cells * width, reach * width, (reach + copies - 1) * width
     # Sum of all copies whose weight is not negligible.
     total, power = lines[2, :every], 0.0
     total[:] = 0.0
@@ -308,7 +308,7 @@ def _spread(p, paths, setup, grid, orders, received, length, turn, offset, shift
         power += squared
         if squared > setup.least * setup.least:
             place = m * width
-            _combine(np.float32(a.real), lines[0, :one], np.float32(a.imag), lines[1, :one], total[place : place + one])
+            _combine(np.float32(a.real), lines[0, :size], np.float32(a.imag), lines[1, :size], total[place : place + size])
     # The sum times the weight of each term of the motion goes to the grid of this term.
     _motion(setup.motion_per_mps * paths.rate[p], orders)
     for k in range(len(orders)):
@@ -343,9 +343,9 @@ def _gather(task, stop, row, grid, channels, re, im):
         target = (source - _TAPS_BEFORE) % cells * channels
         for c in range(channels):
             sum_re, sum_im = 0.0, 0.0
-            for one in range(task, stop):
-                sum_re += grid[one, row, 2 * source * channels + c]
-                sum_im += grid[one, row, (2 * source + 1) * channels + c]
+            for k in range(task, stop):
+                sum_re += grid[k, row, 2 * source * channels + c]
+                sum_im += grid[k, row, (2 * source + 1) * channels + c]
             if step < cells:
                 re[target + c], im[target + c] = sum_re, sum_im
             else:

@@ -51,32 +51,32 @@ def _largest(values: np.ndarray) -> float:
 
 def _add(start: np.ndarray, part: PathArrays, setup: Setup, terms: int, unit: float, total: Any) -> None:
     """Add the paths `start`[0] to `start`[-1] - 1 of one part to the grids `total`, whose cells count multiples of `unit`."""
-    chosen, (num_tx, num_rx), copies = slice(start[0], start[-1]), (len(setup.tx), len(setup.rx)), part.amplitude.shape[1]
+    rows, (num_tx, num_rx), copies = slice(start[0], start[-1]), (len(setup.tx), len(setup.rx)), part.amplitude.shape[1]
     channels, count = num_tx * num_rx, int(start[-1] - start[0])
     lane = dr.arange(mi.UInt32, count * channels)
     path = lane // dr.opaque(mi.UInt32, channels)
     channel = lane - path * dr.opaque(mi.UInt32, channels)
     length_in, length_out, rate = (
-        dr.gather(mi.Float64, upload(mi.Float64, values[chosen]), path) for values in (part.length_in, part.length_out, part.rate)
+        dr.gather(mi.Float64, upload(mi.Float64, values[rows]), path) for values in (part.length_in, part.length_out, part.rate)
     )
     antenna_out = channel // dr.opaque(mi.UInt32, num_rx)
     transmitter = _vectors(setup.tx)(antenna_out)
     receiver = _vectors(setup.rx)(channel - antenna_out * dr.opaque(mi.UInt32, num_rx))
-    arrival = _vectors(part.arrival[chosen])(path)
+    arrival = _vectors(part.arrival[rows])(path)
     drift = rate * dr.opaque(mi.Float64, setup.middle_s)
     if len(part.mirror):
-        entries = upload(mi.Float64, part.mirror[chosen])
+        entries = upload(mi.Float64, part.mirror[rows])
         matrix: Any = mi.Matrix3d
         mirror = matrix(*(dr.gather(mi.Float64, entries, 9 * path + i) for i in range(9)))
         length = drift + _image_distance(length_in + length_out, arrival, mirror, transmitter, receiver, setup.planar)
     else:
-        departure = _vectors(part.departure[chosen])(path)
+        departure = _vectors(part.departure[rows])(path)
         length = drift + _element_distance(length_in, departure, transmitter, setup.planar)
         length += _element_distance(length_out, arrival, receiver, setup.planar)
     cycles = length * dr.opaque(mi.Float64, setup.cycles_per_m)
     sine, cosine = dr.sincos(mi.Float(2 * np.pi * (cycles - dr.round(cycles))))
     if len(part.gain):
-        gain = part.gain[chosen]
+        gain = part.gain[rows]
         real, imaginary = (dr.gather(mi.Float, upload(mi.Float, values), lane) for values in (gain.real, gain.imag))
         cosine, sine = cosine * real - sine * imaginary, cosine * imaginary + sine * real
     place = length * dr.opaque(mi.Float64, setup.cells_per_m)
@@ -93,9 +93,9 @@ def _add(start: np.ndarray, part: PathArrays, setup: Setup, terms: int, unit: fl
     columns, widths = dr.opaque(mi.UInt32, terms), dr.opaque(mi.UInt32, copies)
     frame = np.repeat(np.arange(len(start) - 1), np.diff(start))
     base = dr.gather(mi.UInt32, upload(mi.UInt32, frame), path) * columns
-    amplitude = upload(mi.Float64, np.ascontiguousarray(part.amplitude[chosen]).view(float))
+    amplitude = upload(mi.Float64, np.ascontiguousarray(part.amplitude[rows]).view(float))
     orders = np.empty((count, terms))
-    shared_out(gridding.motions, count, setup.motion_per_mps * part.rate[chosen], orders, grain=1000)
+    shared_out(gridding.motions, count, setup.motion_per_mps * part.rate[rows], orders, grain=1000)
     motions = upload(mi.Float64, orders)
     part_of_cell, stride = dr.opaque(mi.UInt32, channels), dr.opaque(mi.UInt32, 2 * channels)
     factor, least = dr.opaque(mi.Float64, 1 / unit), dr.opaque(mi.Float, (setup.least / unit) ** 2)
@@ -108,13 +108,13 @@ def _add(start: np.ndarray, part: PathArrays, setup: Setup, terms: int, unit: fl
         re, im = (mi.Float(dr.gather(mi.Float64, amplitude, at + i) * factor) for i in range(2))
         motion = mi.Float(dr.gather(mi.Float64, motions, path * columns + k))
         re, im = re * motion, im * motion
-        used = re * re + im * im > least
+        strong = re * re + im * im > least
         values = re * cosine - im * sine, re * sine + im * cosine
         line = (base + k) * cells
         for tap, weight in enumerate(weights):
             cell = (line + ((first + copy + tap) & (cells - 1))) * stride + channel
             for i, value in enumerate(values):
-                dr.scatter_reduce(dr.ReduceOp.Add, total, mi.Int64(value * weight), cell + i * part_of_cell, used)
+                dr.scatter_reduce(dr.ReduceOp.Add, total, mi.Int64(value * weight), cell + i * part_of_cell, strong)
         return (step + 1,)
 
     dr.while_loop((dr.zeros(mi.UInt32, count * channels),), lambda step: step < columns * widths, body, labels=("step",))

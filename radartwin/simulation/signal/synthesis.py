@@ -185,8 +185,8 @@ def synthesize(paths: Paths | Sequence[Paths], radar: Radar, *, elements: str = 
 
 def _aligned(shape: tuple[int, ...]) -> np.ndarray:
     """Return a single-precision array without initial values that begins at a cache line of the processor."""
-    room = np.empty(math.prod(shape) + 16, np.float32)
-    return room[-room.ctypes.data // 4 % 16 :][: math.prod(shape)].reshape(shape)
+    memory = np.empty(math.prod(shape) + 16, np.float32)
+    return memory[-memory.ctypes.data // 4 % 16 :][: math.prod(shape)].reshape(shape)
 
 
 @functools.cache
@@ -354,8 +354,8 @@ def received(
             out += _resting_signals(part, radar, elements, by_delay=False)[0][0]
         size = max(1, frames * _PATHS_AT_ONCE // max(sum(len(part) for part in moving), 1))
         for start in range(0, frames if moving else 0, size):
-            some = [part.frames(start, min(start + size, frames)) for part in moving]
-            synthesize(some, radar, elements=elements, out=out[start : start + size])
+            batch = [part.frames(start, min(start + size, frames)) for part in moving]
+            synthesize(batch, radar, elements=elements, out=out[start : start + size])
         return out
     longest = max(float(part.length_m.max()) for part in parts)
     resting_signals = [signal for part in resting for signal in _resting_signals(part, radar, elements, by_delay=True)]
@@ -395,5 +395,5 @@ def _delay_bands(part: Paths) -> Iterator[tuple[Paths, float]]:
     """Yield the paths of each band of delays, with the middle of the band's shortest and longest path length in metres."""
     band = np.floor(np.log(np.maximum(part.length_m, 1e-6)) / DELAY_BAND).astype(np.int64)
     for index in np.unique(band).tolist():
-        chosen = part.where(band == index)
-        yield chosen, float(chosen.length_m.min() + chosen.length_m.max()) / 2
+        paths = part.where(band == index)
+        yield paths, float(paths.length_m.min() + paths.length_m.max()) / 2
