@@ -58,11 +58,11 @@ class Campaign:
         """
         self._check(domain)
         if self._recorded is None:
-            found = planned(self.config.profile.campaign, domain == MEASURED)
-            found = [case for case in found if domain != MEASURED or self.draw in (None, case.draw)]
+            cases = planned(self.config.profile.campaign, domain == MEASURED)
+            cases = [case for case in cases if domain != MEASURED or self.draw in (None, case.draw)]
         else:
-            found = self._recorded.cases if domain == MEASURED else self._recorded.conditions
-        return [case for case in found if all(getattr(case, name) == value for name, value in conditions.items())]
+            cases = self._recorded.cases if domain == MEASURED else self._recorded.conditions
+        return [case for case in cases if all(getattr(case, name) == value for name, value in conditions.items())]
 
     def log(self, case: Case, domain: str = "measured") -> Log:
         """Return the log (nominal motion of radar and target) of a recording.
@@ -113,23 +113,23 @@ class Campaign:
 
         `clean` and `setup` become the attributes of the same name in RecordingTask.
         """
-        config, found = replace(self.config, materials=self._materials(TWIN, materials)), {}
+        config, tasks = replace(self.config, materials=self._materials(TWIN, materials)), {}
         for domain, case in wanted:
             if self._recorded is None or domain != MEASURED:
                 spec, _, roots = self._clean(domain, case, materials)
                 if not self.store.holds(CLEAN, spec, roots):
-                    found[self.store.key(CLEAN, spec, roots)] = RecordingTask(config, self.store.root, domain, case, clean, setup)
-        return found
+                    tasks[self.store.key(CLEAN, spec, roots)] = RecordingTask(config, self.store.root, domain, case, clean, setup)
+        return tasks
 
     def plan(self) -> list[tuple[str, Case]]:
         """Return all (domain, case) pairs that the campaign simulates, in the order of simulation.
 
         Motions with short run times come first, and recordings along the same path of the radar are adjacent.
         """
-        chosen = COMPARED if self._recorded is None else (TWIN,)
+        domains = COMPARED if self._recorded is None else (TWIN,)
         order = {motion: number for number, motion in enumerate(("radial", "diagonal", "turntable", "depth", "lateral"))}
-        found = [(domain, case) for domain in chosen for case in self.cases(domain)]
-        return sorted(found, key=lambda one: (order[one[1].motion] > 2, one[1].room, order[one[1].motion], chosen.index(one[0])))
+        pairs = [(domain, case) for domain in domains for case in self.cases(domain)]
+        return sorted(pairs, key=lambda pair: (order[pair[1].motion] > 2, pair[1].room, order[pair[1].motion], domains.index(pair[0])))
 
     def _clean(self, domain: str, case: Case, materials: Materials) -> tuple[dict[str, Any], Callable[[], Recording | Turned], list[str]]:
         """Describe how a clean recording (before receiver effects) is simulated.
@@ -142,10 +142,10 @@ class Campaign:
                 raise InputError("measured=recordings has no recordings without receiver effects; use measured=testbed")
             spec = {"domain": MEASURED, **truth.specification(case, self.config)}
             return spec, lambda: truth.record(case, self.config), ["experiments.campaign.truth"]
-        chosen, case = self._materials(domain, materials), case.condition
+        source, case = self._materials(domain, materials), case.condition
         nominal = self.log(case, domain)
-        spec = {"domain": TWIN, **twin.specification(case, nominal, self.config, chosen, self.store)}
-        return spec, lambda: twin.record(case, nominal, self.config, chosen, self.store, self.progress.say), ["experiments.campaign.twin"]
+        spec = {"domain": TWIN, **twin.specification(case, nominal, self.config, source, self.store)}
+        return spec, lambda: twin.record(case, nominal, self.config, source, self.store, self.progress.say), ["experiments.campaign.twin"]
 
     def _source(self, domain: str, case: Case, materials: Materials) -> tuple[str, Callable[[], Recording], dict[str, Any]]:
         """Describe the recording before receiver effects from which a processed recording is computed.
@@ -176,14 +176,14 @@ class Campaign:
             raise InputError(f"campaign: unknown domain {domain!r}; choose {', '.join(DOMAINS)}")
 
 
-def joined(some: Iterable[Mapping[str, RecordingTask]]) -> dict[str, RecordingTask]:
+def joined(task_sets: Iterable[Mapping[str, RecordingTask]]) -> dict[str, RecordingTask]:
     """Join the task dictionaries of several campaigns. A recording is processed if at least one of the campaigns needs it processed."""
-    found: dict[str, RecordingTask] = {}
-    for missing in some:
+    tasks: dict[str, RecordingTask] = {}
+    for missing in task_sets:
         for key, task in missing.items():
-            first = found.setdefault(key, task)
-            found[key] = replace(first, clean=first.clean and task.clean)
-    return found
+            first = tasks.setdefault(key, task)
+            tasks[key] = replace(first, clean=first.clean and task.clean)
+    return tasks
 
 
 def make_together(
