@@ -433,7 +433,7 @@ def test_no_reported_recording_was_among_those_of_the_selection():
 def test_the_recorded_choices_follow_from_the_scores():
     selection = json.loads(choices.OUTPUT.read_text())["selection"]
     share = choices.chosen_share(selection["scores"])
-    assert selection["chosen"] == choices.chosen(selection["scores"]) | {"labelled share": share}
+    assert selection["chosen"] == choices.selected(selection["scores"]) | {"labelled share": share}
     assert share == encoder_comparison.LABELLED_SHARE
     assert selection["chosen"]["copies"] == randomisation_ablation.ALL  # the default of supervision.randomise
     assert {row["method"] for row in selection["scores"] if "method" in row} == {*encoder_comparison.METHODS, encoder_comparison.RAW}
