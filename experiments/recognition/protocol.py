@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any
@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from experiments.campaign.cases import MEASURED
 from experiments.campaign.frame import Frame
-from experiments.cells import Cell
+from experiments.cells import Cell, keys, table_rows
 from experiments.claims import EQUAL, NONE, Claim
 from experiments.draws import Query
 from experiments.recognition.copies import Copied, copies
+from experiments.recognition.figures import Panels, bars, confusions, grouped, values
 from experiments.statistics import (
     BINOMIAL,
     SHARE,
@@ -37,6 +38,7 @@ from radartwin.recognize.score import uniform_chance
 from radartwin.recognize.split import Split, label_free
 from radartwin.recognize.text import embed
 from radartwin.recognize.training import fit
+from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.assortment import every_object
 from radartwin.store.products import Store
 
@@ -66,6 +68,22 @@ def anchors(objects: Iterable[str], text: str = ECHOES) -> dict[str, NDArray]:
 def read(query: Query, store: Store, progress: Progress) -> tuple[Frame, Copied]:
     """Return the frame of a turntable table, and the function that returns the copies of its simulated recordings."""
     return query.frame(store, progress), partial(copies, store, query.sources(store, progress))
+
+
+def accuracy_result(
+    table: Table, config: Config, frame: Frame, cells: Callable[[Panels, Frame], Iterator[Cell]], group: str, grey: str
+) -> Result:
+    """Build a table with two figures: bars of accuracy, grouped by the column `group`, and confusion matrices.
+
+    Args:
+        cells: declares the cells of one draw, and puts the answers of the first draw into the panels of the confusion matrices.
+        grey: method whose bars are grey.
+    """
+    panels: Panels = {}
+    rows = table_rows(config, frame, partial(cells, panels))
+    groups = grouped(rows, group)
+    figures = {table.name: lambda: bars(groups, "accuracy", grey=grey), f"{table.name}_confusion": lambda: confusions(panels)}
+    return Result(table.name, rows, figures, values(groups), keys(frame))
 
 
 def scaled(samples: Samples) -> Samples:

@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 from experiments.campaign.cases import TWIN
 from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
-from experiments.cells import Cell, keys, table_rows
+from experiments.cells import Cell
 from experiments.claims import Claim
 from experiments.draws import Part, Query
 from experiments.recognition import transfer
-from experiments.recognition.figures import Panels, bars, confusions, grouped, values
-from experiments.recognition.protocol import FLOOR_ONLY, SHAPE, Scored, correct, sign_test, statistics_columns
+from experiments.recognition.figures import Panels
+from experiments.recognition.protocol import FLOOR_ONLY, SHAPE, Scored, accuracy_result, correct, sign_test, statistics_columns
 from experiments.recognition.readings import by_side
 from experiments.statistics import share
 from radartwin.config.config import Config
@@ -81,14 +81,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 def score(config: Config, frame: Frame, progress: Progress) -> Result:
     """Build the table of accuracy for each simulation and kind of classes, of accuracy gains between simulations, and of paired tests."""
-    panels: Panels = {}
-    rows = table_rows(config, frame, partial(cells, config, progress, panels))
-    groups = grouped(rows, "classes")
-    figures = {
-        "reconstruction_ablation": lambda: bars(groups, "accuracy", grey=VOID),
-        "reconstruction_ablation_confusion": lambda: confusions(panels),
-    }
-    return Result(TABLE.name, rows, figures, values(groups), keys(frame))
+    return accuracy_result(TABLE, config, frame, partial(cells, config, progress), "classes", VOID)
 
 
 def cells(config: Config, progress: Progress, panels: Panels, frame: Frame) -> Iterator[Cell]:

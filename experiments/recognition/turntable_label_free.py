@@ -14,16 +14,17 @@ from functools import partial
 
 from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
-from experiments.cells import Cell, keys, table_rows
+from experiments.cells import Cell
 from experiments.claims import NONE, Claim
 from experiments.draws import Query
 from experiments.recognition.copies import Copied
-from experiments.recognition.figures import Panels, bars, confusions, grouped, values
+from experiments.recognition.figures import Panels
 from experiments.recognition.protocol import (
     GEOMETRY,
     MATERIAL,
     SAME_MODELS,
     Scored,
+    accuracy_result,
     anchors,
     at_chance,
     correct,
@@ -69,14 +70,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 def score(config: Config, frame: Frame, copied: Copied) -> Result:
     """Build the table for each attribute (geometry, material) and method, and for the object itself."""
-    panels: Panels = {}
-    rows = table_rows(config, frame, partial(cells, config, copied, panels))
-    groups = grouped(rows, "attribute")
-    figures = {
-        "turntable_label_free": lambda: bars(groups, "accuracy", grey=RANKS),
-        "turntable_label_free_confusion": lambda: confusions(panels),
-    }
-    return Result(TABLE.name, rows, figures, values(groups), keys(frame))
+    return accuracy_result(TABLE, config, frame, partial(cells, config, copied), "attribute", RANKS)
 
 
 def cells(config: Config, copied: Copied, panels: Panels, frame: Frame) -> Iterator[Cell]:
