@@ -75,24 +75,24 @@ def _place(case: Case) -> tuple[Any, ...]:
     return tuple(getattr(case, name) for name in PLACE)
 
 
-def stored(campaign: Campaign, wanted: Wanted, progress: Progress, materials: Any = None) -> Frame:
+def stored(campaign: Campaign, wanted: Wanted, progress: Progress) -> Frame:
     """Return the frame of some recordings from the store; a frame that the store lacks is read first. Missing recordings are simulated."""
-    campaign.prepare(wanted, materials)
-    keys = [[domain, astuple(case), campaign.process(domain, case, materials).key] for domain, case in wanted]
+    campaign.prepare(wanted)
+    keys = [[domain, astuple(case), campaign.process(domain, case).key] for domain, case in wanted]
 
     def build(folder: Path) -> None:
-        save(read(campaign, wanted, progress, materials), folder)
+        save(read(campaign, wanted, progress), folder)
 
     return load(campaign.store.fetch("frame", {"recordings": keys}, [__name__], build).arrays())
 
 
-def read(source: RecordingSource, wanted: Wanted, progress: Progress, materials: Any = None) -> Frame:
+def read(source: RecordingSource, wanted: Wanted, progress: Progress) -> Frame:
     """Read the frame of some recordings."""
     import pandas as pd
 
     rows, known = [], every_object()
     for domain, case in progress.over(list(wanted), "recordings read"):
-        key, processed = source.processed(domain, case, materials)
+        key, processed = source.processed(domain, case)
         conditions = dict(zip(CONDITIONS, astuple(case), strict=True)) | {"domain": domain, **dict.fromkeys(VERSIONS, ""), "key": key}
         kind = {name: getattr(known[case.object], name) for name in KINDS}
         rows.append({**conditions, **kind, **columns.read(case, processed, source.log(case, domain))})

@@ -18,7 +18,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.campaign.campaign import Campaign, joined, make_together
-from experiments.campaign.cases import Case
+from experiments.campaign.cases import MEASURED, TWIN, VOID, Case
 from experiments.campaign.frame import Frame, stored
 from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
@@ -28,6 +28,7 @@ from experiments.drawing import error_bars, range_map
 from experiments.statistics import FISHER, SCALES, SHARE, SIGNED, ms_ssim
 from experiments.turntable import operating_points
 from radartwin.config.config import Config
+from radartwin.config.materials import UniformMaterials
 from radartwin.errors import ConfigError
 from radartwin.features.profile import FAR_M, NEAR_M, beyond_target_share, profile_correlation
 from radartwin.io.progress import Progress
@@ -53,9 +54,8 @@ TABLE = Table(
 )
 
 TARGET, ROOM_NAME = "corner_reflector", "lab"
-# A side is a kind of recording in this table. For each side: the domain of the campaign, and the materials of the room (None stands for the
-# configured materials).
-SIDES = {"measured": ("measured", None), "room": ("twin", None), "uniform": ("twin", "uniform"), "void": ("void", None)}
+# A side is a kind of recording in this table. For each side: the domain of its campaign (see `sources`).
+SIDES = {"measured": MEASURED, "room": TWIN, "uniform": TWIN, "void": VOID}
 SHOWN = ("measured", "room", "void")  # sides that the range-time figure shows
 PAPER_DISTANCE_M = operating_points.DISTANCE_M  # distance for which the paper gives values
 ROOM = Claim(paper="+0.42")
@@ -74,8 +74,8 @@ CORRELATED = {"void": UNCORRELATED, "room": ROOM}
 def run(config: Config, store: Store, progress: Progress) -> Result:
     """Compute the table for the configured campaign. Raises ConfigError if the configuration sets options that the table does not use."""
     make_together(recordings(config, store, progress), config.jobs, progress)
-    campaign, wanted_cases = Campaign(config, store, progress), operating_points.wanted(config)
-    result = score(config, read(config, campaign, partial(stored, progress=progress)))
+    wanted_cases = operating_points.wanted(config)
+    result = score(config, read(config, sources(config, store, progress), partial(stored, progress=progress)))
     points = {
         condition: stored(Campaign(condition.of(config), store, progress), wanted_cases, progress)
         for condition in operating_points.conditions(config)
@@ -85,10 +85,16 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
     check(config)
-    usual, wanted_cases = Campaign(config, store, progress), operating_points.wanted(config)
-    parts = [usual.missing([(SIDES[side][0], case)], SIDES[side][1]) for side, case in wanted(config, usual)]
+    campaigns, wanted_cases = sources(config, store, progress), operating_points.wanted(config)
+    parts = [campaigns[side].missing([(SIDES[side], case)]) for side, case in wanted(config, campaigns)]
     parts += [Campaign(condition.of(config), store, progress).missing(wanted_cases) for condition in operating_points.conditions(config)]
     return joined(parts)
+
+
+def sources(config: Config, store: Store, progress: Progress) -> dict[str, Campaign]:
+    """Return the campaign of each side. The simulated room of the side `uniform` is of plasterboard."""
+    usual = Campaign(config, store, progress)
+    return dict.fromkeys(SIDES, usual) | {"uniform": usual.with_materials(UniformMaterials())}
 
 
 def check(config: Config) -> None:
@@ -142,21 +148,22 @@ def with_points(config: Config, result: Result, points: Sequence[operating_point
     )
 
 
-def read(config: Config, source: RecordingSource, read: Callable[..., Frame]) -> Frame:
+def read(config: Config, campaigns: Mapping[str, RecordingSource], read: Callable[..., Frame]) -> Frame:
     """Read the reflector's recordings with their side: measured, simulated with the room, with the room of plasterboard, and in void."""
-    pairs = wanted(config, source)
+    pairs = wanted(config, campaigns)
     parts = []
-    for side, (domain, materials) in SIDES.items():
+    for side, domain in SIDES.items():
         if cases := [(domain, case) for other, case in pairs if other == side]:
-            parts.append(read(source, cases, materials=materials).assign(side=side))
+            parts.append(read(campaigns[side], cases).assign(side=side))
     return pd.concat(parts, ignore_index=True)
 
 
-def wanted(config: Config, source: RecordingSource) -> list[tuple[str, Case]]:
+def wanted(config: Config, campaigns: Mapping[str, RecordingSource]) -> list[tuple[str, Case]]:
     """Return (side, case) of the reflector's recordings at the configured distances (default: all)."""
     left_out = {"void": ("room", "uniform"), "uniform": ("uniform",)}.get(config.materials.source, ())
     sides = [side for side in SIDES if side not in left_out]
-    cases = [(side, case) for side in sides for case in source.cases(SIDES[side][0], motion="turntable", room=ROOM_NAME, object=TARGET)]
+    turntable = {"motion": "turntable", "room": ROOM_NAME, "object": TARGET}
+    cases = [(side, case) for side in sides for case in campaigns[side].cases(SIDES[side], **turntable)]
     recorded = {side: {case.distance_m for other, case in cases if other == side} for side in sides}
     shared = set.intersection(*recorded.values())
     distances_m = set(config.experiment.distances_m) or set.union(*recorded.values())
