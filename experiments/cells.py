@@ -72,7 +72,7 @@ def table_rows(config: Config, frame: Frame, cells: Cells, exact: Callable[[Row]
     """
 
     def rows(part: Frame) -> list[Row]:
-        return joined_rows([cell.row(config) for cell in cells(one)] for one in by_draw(part))
+        return joined_rows([cell.row(config) for cell in cells(draw_frame)] for draw_frame in by_draw(part))
 
     def same(row: Row) -> tuple[Any, ...]:
         return row.metric, *row.case.items()
@@ -96,14 +96,14 @@ def joined_rows(draws: Iterable[Iterable[Row]]) -> list[Row]:
     A joined row is the mean over the draws that have this row (column draws; see statistics.over_draws). The columns AVERAGED and SUMMED
     may differ between draws.
     """
-    found: dict[tuple[Any, ...], list[Row]] = {}
+    groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in itertools.chain.from_iterable(draws):
         fixed = ((name, value) for name, value in row.case.items() if name not in (*AVERAGED, *SUMMED))
-        found.setdefault((row.metric, *fixed), []).append(row)
+        groups.setdefault((row.metric, *fixed), []).append(row)
     out = []
-    for some in found.values():
-        out.append(_joined(some) if len(some) > 1 else some[0])
-        out[-1]["draws"] = len(some)
+    for group in groups.values():
+        out.append(_joined(group) if len(group) > 1 else group[0])
+        out[-1]["draws"] = len(group)
     return out
 
 
@@ -121,7 +121,7 @@ def _joined(rows: Sequence[Row]) -> Row:
     return replace(
         first,
         case=case,
-        found=statistics.over_draws([row.found for row in rows], config.profile.resamples, config.seed),
+        estimate=statistics.over_draws([row.estimate for row in rows], config.profile.resamples, config.seed),
         recordings=frozenset().union(*(row.recordings for row in rows)),
         claim=replace(first.claim, **bounds, untestable=reasons[0] if 2 * len(reasons) > len(rows) else ""),
         count=None if first.count is None else sum(row.count or 0 for row in rows),
@@ -161,8 +161,8 @@ def per(column: str | list[str], domain: str | None = None) -> Callable[[Frame],
     """
 
     def means(rows: Frame) -> Column:
-        some = rows if domain is None else rows[rows.domain == domain]
-        return some.groupby(list(PLACE), sort=False)[column].mean().groupby("object", sort=False).mean()
+        selected = rows if domain is None else rows[rows.domain == domain]
+        return selected.groupby(list(PLACE), sort=False)[column].mean().groupby("object", sort=False).mean()
 
     return means
 
@@ -174,7 +174,7 @@ def gap(column: str, first: str, second: str) -> Callable[[Frame], Column]:
 
 def using(function: Callable[..., Estimate], *of: Values) -> Estimator:
     """Estimate by `function(*values, resamples, seed)`, where `values` are the values of the units for each entry of `of`."""
-    return lambda rows, *seeds: function(*(_values(rows, one) for one in of), *seeds)
+    return lambda rows, *seeds: function(*(_values(rows, values) for values in of), *seeds)
 
 
 def _values(rows: Frame, of: Values) -> NDArray:

@@ -87,25 +87,25 @@ class Claim:
     limit: bool = False
     untestable: str = ""
 
-    def columns(self, found: Estimate) -> dict[str, Any]:
+    def columns(self, estimate: Estimate) -> dict[str, Any]:
         """Return the columns of a row from which the verdict follows, with the verdict; an estimate without an error has no interval."""
         if not self.text or (self.bound is None and self.null is None):
             return {**dict.fromkeys(JUDGED), "reason": "", "verdict": ""}
         bound, null = (self.null if self.bound is None else self.bound), (self.bound if self.null is None else self.null)
         assert bound is not None
         assert null is not None
-        if found.n < self.least or (self.least > 1 and found.drawn is not None and found.low == found.high):
-            found = replace(found, low=-math.inf, high=math.inf)
-        judged = [*map(_finite, (found.value, found.low, found.high)), bound, self.direction, null, self.margin, self.untestable]
+        if estimate.n < self.least or (self.least > 1 and estimate.drawn is not None and estimate.low == estimate.high):
+            estimate = replace(estimate, low=-math.inf, high=math.inf)
+        judged = [*map(_finite, (estimate.value, estimate.low, estimate.high)), bound, self.direction, null, self.margin, self.untestable]
         word = judge(*judged)  # type: ignore[arg-type]
-        wide = math.isfinite(found.low) or math.isfinite(found.high)
+        wide = math.isfinite(estimate.low) or math.isfinite(estimate.high)
         return {
             "bound": bound, "direction": self.direction, "null": null, "margin": self.margin, "level": statistics.LEVEL,
-            "family": "", "test": found.test, "unit": found.unit, "p": _finite(found.p(null)) if wide else None,
-            "freedom": found.degrees,
-            "interval_scale": found.scale,
-            "lowest": _finite(found.limits[0]),
-            "highest": _finite(found.limits[1]), "reason": self.untestable, "low": judged[1], "high": judged[2],
+            "family": "", "test": estimate.test, "unit": estimate.unit, "p": _finite(estimate.p(null)) if wide else None,
+            "freedom": estimate.degrees,
+            "interval_scale": estimate.scale,
+            "lowest": _finite(estimate.limits[0]),
+            "highest": _finite(estimate.limits[1]), "reason": self.untestable, "low": judged[1], "high": judged[2],
             "verdict": limit_kept(None if judged[0] is None else word == SUPPORTED) if self.limit else word,
         }  # fmt: skip
 
@@ -135,7 +135,7 @@ class Row(dict[str, Any]):
 
     case: Mapping[str, Any]
     metric: str
-    found: Estimate
+    estimate: Estimate
     recordings: frozenset[str]
     claim: Claim
     config: Config = field(repr=False)
@@ -143,14 +143,14 @@ class Row(dict[str, Any]):
     domain: str | None = None
 
     def __post_init__(self) -> None:
-        found = self.found
+        estimate = self.estimate
         assert not set(self.case) & set(JUDGED), f"a column of {self.metric} has the name of a column of its claim"
-        value, low, high = map(_finite, (found.value, found.low, found.high))
-        judged = self.claim.columns(found)
-        n = self.count if self.count is not None else len(self.recordings) or found.n
+        value, low, high = map(_finite, (estimate.value, estimate.low, estimate.high))
+        judged = self.claim.columns(estimate)
+        n = self.count if self.count is not None else len(self.recordings) or estimate.n
         self.update(
             {
-                **self.case, "claim": self.claim.text, **{name: judged[name] for name in (*JUDGED, "reason")}, "items": found.n,
+                **self.case, "claim": self.claim.text, **{name: judged[name] for name in (*JUDGED, "reason")}, "items": estimate.n,
                 "seed": self.config.seed, "run_keys": told(self.recordings), "metric": self.metric, "paper": self.claim.paper,
                 "value": value, "low": judged.get("low", low), "high": judged.get("high", high), "n": n,
                 "domain": self.domain or self.config.measured.provider, "verdict": judged["verdict"],
@@ -158,13 +158,13 @@ class Row(dict[str, Any]):
         )  # fmt: skip
 
 
-def row(config: Config, case: Mapping[str, Any], metric: str, found: Estimate, keys: Iterable[str], claim: Claim = NONE) -> Row:
+def row(config: Config, case: Mapping[str, Any], metric: str, estimate: Estimate, keys: Iterable[str], claim: Claim = NONE) -> Row:
     """Build one table row from the columns `case`, an estimate, the store keys of the recordings used, and the claim.
 
     Column n shows the number of recordings if the row has store keys, else the number of items; the verdict always uses the number of
     items. A value or end of an interval that is not finite becomes None.
     """
-    return Row(case, metric, found, frozenset(keys), claim, config)
+    return Row(case, metric, estimate, frozenset(keys), claim, config)
 
 
 def told(keys: Iterable[str]) -> str:
@@ -175,15 +175,15 @@ def told(keys: Iterable[str]) -> str:
     return f"{len(unique)} recordings {spec_digest(unique)[:8]}"
 
 
-def score_columns(metric: str, found: Estimate, domain: str, kept: bool | None = None, keys: Iterable[str] = ()) -> dict[str, Any]:
+def score_columns(metric: str, estimate: Estimate, domain: str, kept: bool | None = None, keys: Iterable[str] = ()) -> dict[str, Any]:
     """Return the last columns of a row of an engineering table, with the verdict on its limit: kept, not kept, or None for no limit.
 
     A value or end of an interval that is not finite becomes None, and then has no verdict.
     """
-    value, low, high = map(_finite, (found.value, found.low, found.high))
+    value, low, high = map(_finite, (estimate.value, estimate.low, estimate.high))
     return {
-        "run_keys": told(keys), "metric": metric, "paper": None, "value": value, "low": low, "high": high, "n": found.n, "domain": domain,
-        "verdict": limit_kept(None if value is None else kept),
+        "run_keys": told(keys), "metric": metric, "paper": None, "value": value, "low": low, "high": high, "n": estimate.n,
+        "domain": domain, "verdict": limit_kept(None if value is None else kept),
     }  # fmt: skip
 
 
@@ -195,10 +195,10 @@ class RowList(list[Row]):
         self.config = config
 
     def add(
-        self, case: Mapping[str, Any], metric: str, found: Estimate, keys: Iterable[str], claim: Claim = NONE, count: int | None = None
+        self, case: Mapping[str, Any], metric: str, estimate: Estimate, keys: Iterable[str], claim: Claim = NONE, count: int | None = None
     ) -> Row:
         """Append one row to the table and return it. The arguments are those of the function `row`; `count` is the value of column n."""
-        self.append(Row(case, metric, found, frozenset(keys), claim, self.config, count))
+        self.append(Row(case, metric, estimate, frozenset(keys), claim, self.config, count))
         return self[-1]
 
     def add_mean(
@@ -211,5 +211,5 @@ class RowList(list[Row]):
             limits: smallest and largest value that the quantity can have.
             on: scale of the interval (`statistics.SCALES`).
         """
-        found = statistics.mean(samples, self.config.profile.resamples, self.config.seed, limits, on=on)
-        return self.add(case, metric, found, keys, claim)
+        estimate = statistics.mean(samples, self.config.profile.resamples, self.config.seed, limits, on=on)
+        return self.add(case, metric, estimate, keys, claim)

@@ -27,13 +27,13 @@ OBJECT_GAPS = ("object_shape", "object_material", "contents")  # gaps that chang
 class Part:
     """The recordings of one domain in a frame, as one configuration makes them, with their entries in the columns `frame.VERSIONS`.
 
-    `chosen` selects the recordings among those of a campaign, if they are not those of the other parts.
+    `select` chooses the recordings among those of a campaign, if they are not those of the other parts.
     """
 
     domain: str
     config: Config
     versions: Mapping[str, str] = field(default_factory=dict)
-    chosen: Callable[[Campaign], Wanted] | None = None
+    select: Callable[[Campaign], Wanted] | None = None
 
 
 @dataclass(frozen=True)
@@ -71,12 +71,12 @@ class Query:
     def wanted(self, store: Store, progress: Progress) -> list[tuple[Part, Campaign, Wanted]]:
         """Return the recordings of each part, as (domain, case) pairs of its campaign."""
         numbers(self.config, self.motions[0] in ROVER)  # refuses a draw that the campaign lacks
-        usual, found = Campaign(self.config, store, progress), []
+        usual, selections = Campaign(self.config, store, progress), []
         for part in self.parts:
             campaign = usual if part.config is self.config else Campaign(part.config, store, progress)
-            wanted = part.chosen(campaign) if part.chosen else shared(campaign, self.motions, self.room, self.several)
-            found.append((part, campaign, [one for one in wanted if one[0] == part.domain]))
-        return found
+            wanted = part.select(campaign) if part.select else shared(campaign, self.motions, self.room, self.several)
+            selections.append((part, campaign, [pair for pair in wanted if pair[0] == part.domain]))
+        return selections
 
     def recordings(self, store: Store, progress: Progress) -> dict[str, RecordingTask]:
         """Return the recordings that the store lacks, as experiments.together needs them."""

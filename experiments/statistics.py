@@ -84,7 +84,7 @@ def p_value(value: float, low: float, high: float, null: float, freedom: float, 
     """
     from scipy.special import stdtr
 
-    middle, end, at = (float(SCALES[scale][0](one)) for one in (value, low if null <= value else high, null))
+    middle, end, at = (float(SCALES[scale][0](number)) for number in (value, low if null <= value else high, null))
     if end == middle:
         return math.nan
     return float(2 * stdtr(freedom, -abs((middle - at) / (middle - end)) * _quantile(LEVEL, freedom)))
@@ -113,8 +113,8 @@ def at_level(value: float, low: float, high: float, level: float, freedom: float
 def students_t(samples: ArrayLike, limits: tuple[float, float] = ANY, unit: str = "draws") -> Estimate:
     """Return the mean of independent samples with its interval by Student's t distribution; equal samples decide nothing.
 
-    >>> found = students_t([0.0, 0.1, 0.2], SIGNED)
-    >>> round(found.low, 3), round(found.value, 3), round(found.high, 3)
+    >>> estimate = students_t([0.0, 0.1, 0.2], SIGNED)
+    >>> round(estimate.low, 3), round(estimate.value, 3), round(estimate.high, 3)
     (-0.148, 0.1, 0.348)
     """
     samples = np.asarray(samples, float)
@@ -147,13 +147,13 @@ def permuted(value: float, shuffled: NDArray, n: int, limits: tuple[float, float
         shuffled: (permutations,) the estimates with permuted objects, including that of the original order.
     """
     p = permutation_p(value, shuffled)
-    found = interval_of_p(value, float(shuffled.mean()), p, n, limits, scale)
+    estimate = interval_of_p(value, float(shuffled.mean()), p, n, limits, scale)
     if p >= 0.5 and np.ptp(shuffled) > 0:
         forward, back = SCALES[scale]
-        half = float(np.std(forward(shuffled))) * _quantile(LEVEL, found.degrees)
+        half = float(np.std(forward(shuffled))) * _quantile(LEVEL, estimate.degrees)
         low, high = np.clip(back(float(forward(value)) + half * np.array([-1, 1])), *limits)
-        found = replace(found, low=min(float(low), value), high=max(float(high), value))
-    return replace(found, shuffled=shuffled)
+        estimate = replace(estimate, low=min(float(low), value), high=max(float(high), value))
+    return replace(estimate, shuffled=shuffled)
 
 
 def permutation_p(value: float, shuffled: NDArray) -> float:
@@ -213,9 +213,9 @@ def mean(
         return replace(exact(value, len(samples)), limits=limits, scale=on)
     if np.ptp(samples) == 0:
         return resampled(value, np.full(resamples, value), len(samples), limits)
-    found: Any = bootstrap((samples,), np.mean, n_resamples=resamples, method="percentile", rng=np.random.default_rng(seed))
+    bootstrapped: Any = bootstrap((samples,), np.mean, n_resamples=resamples, method="percentile", rng=np.random.default_rng(seed))
     forward, back = SCALES[on]
-    drawn = back(widened(forward(scale(found.bootstrap_distribution)), float(forward(value)), len(samples)))
+    drawn = back(widened(forward(scale(bootstrapped.bootstrap_distribution)), float(forward(value)), len(samples)))
     return replace(resampled(value, np.clip(drawn, *limits), len(samples), limits), scale=on)
 
 
@@ -259,9 +259,9 @@ def clustered(
     clusters = np.asarray(clusters)
     value, drawn = score.seed_mean(np.asarray(values, float), clusters, resamples, seed, classes)
     kinds = np.zeros(len(clusters), int) if classes is None else classes
-    fewest = min(np.unique(clusters[kinds == one]).size for one in np.unique(kinds))
-    found = resampled(value, np.clip(widened(drawn, value, fewest), *limits), np.unique(clusters).size, limits)
-    return replace(found, freedom=max(fewest - 1, 1), unit="objects")
+    fewest = min(np.unique(clusters[kinds == kind]).size for kind in np.unique(kinds))
+    estimate = resampled(value, np.clip(widened(drawn, value, fewest), *limits), np.unique(clusters).size, limits)
+    return replace(estimate, freedom=max(fewest - 1, 1), unit="objects")
 
 
 def difference(first: NDArray, second: NDArray, resamples: int, seed: int) -> Estimate:
@@ -270,15 +270,15 @@ def difference(first: NDArray, second: NDArray, resamples: int, seed: int) -> Es
     The interval is widened for few items. n counts the items of the smaller group, because an interval needs more than one item in each
     group.
 
-    >>> found = difference(np.array([3.0, 5.0]), np.array([1.0]), 100, 0)
-    >>> found.value, found.low < 2, found.high > 4, found.n
+    >>> estimate = difference(np.array([3.0, 5.0]), np.array([1.0]), 100, 0)
+    >>> estimate.value, estimate.low < 2, estimate.high > 4, estimate.n
     (3.0, True, True, 1)
     """
     rng = np.random.default_rng(seed)
     drawn = np.zeros(resamples)
-    for some, sign in ((first, 1), (second, -1)):
-        means = some[rng.integers(len(some), size=(resamples, len(some)))].mean(axis=1)
-        drawn += sign * widened(means, float(some.mean()), len(some))
+    for items, sign in ((first, 1), (second, -1)):
+        means = items[rng.integers(len(items), size=(resamples, len(items)))].mean(axis=1)
+        drawn += sign * widened(means, float(items.mean()), len(items))
     return replace(resampled(float(np.mean(first) - np.mean(second)), drawn, min(len(first), len(second))), unit="objects")
 
 
@@ -300,8 +300,8 @@ def bootstrap(estimate: Callable[..., Any], resamples: int, seed: int, *samples:
     3.0
     """
     count = len(samples[0])
-    chosen = np.random.default_rng(seed).integers(count, size=(resamples, count))
-    return resampled(float(estimate(*samples)), estimate(*(some[chosen] for some in samples)), count)
+    index = np.random.default_rng(seed).integers(count, size=(resamples, count))
+    return resampled(float(estimate(*samples)), estimate(*(sample[index] for sample in samples)), count)
 
 
 def ratio(above: NDArray, below: NDArray, resamples: int, seed: int) -> Estimate:
@@ -310,7 +310,7 @@ def ratio(above: NDArray, below: NDArray, resamples: int, seed: int) -> Estimate
     >>> ratio(np.array([1.0, 3.0]), np.array([1.0, 1.0]), 100, 0).value
     2.0
     """
-    return bootstrap(lambda one, other: one.sum(axis=-1) / other.sum(axis=-1), resamples, seed, above, below)
+    return bootstrap(lambda numerator, denominator: numerator.sum(axis=-1) / denominator.sum(axis=-1), resamples, seed, above, below)
 
 
 def rank_correlation(first: ArrayLike, second: ArrayLike) -> float:
@@ -389,7 +389,7 @@ def coefficient_of_variation(samples: ArrayLike, resamples: int, seed: int) -> E
     return resampled(value, drawn, len(samples), (0.0, math.inf))
 
 
-def over_draws(found: Sequence[Estimate], resamples: int, seed: int) -> Estimate:
+def over_draws(estimates: Sequence[Estimate], resamples: int, seed: int) -> Estimate:
     """Join the estimates of several draws of the measurement to an estimate of their mean. Draws without items are left out.
 
     - If the objects are the classes of a closed set, the interval is that of Student's t distribution over draws.
@@ -403,25 +403,25 @@ def over_draws(found: Sequence[Estimate], resamples: int, seed: int) -> Estimate
       Welch and Satterthwaite. The attribute n is the smallest number of items of a draw, or the number of draws if every draw has a single
       item. The samples are clipped to the limits of the quantity.
     """
-    found = [one for one in found if one.n] or found[:1]
-    draws, first = len(found), found[0]
-    ends = np.array([(one.value, one.low, one.high) for one in found])
-    values, items = ends[:, 0], min(one.n for one in found)
-    if draws == 1 or (all(one.drawn is None for one in found) and np.array_equal(ends, ends[[0] * draws], equal_nan=True)):
+    estimates = [e for e in estimates if e.n] or estimates[:1]
+    draws, first = len(estimates), estimates[0]
+    ends = np.array([(e.value, e.low, e.high) for e in estimates])
+    values, items = ends[:, 0], min(e.n for e in estimates)
+    if draws == 1 or (all(e.drawn is None for e in estimates) and np.array_equal(ends, ends[[0] * draws], equal_nan=True)):
         return first  # the estimate does not depend on the draw
     if first.closed and np.ptp(values) > 0:
         return replace(students_t(values, first.limits), closed=True)
-    if all(one.shuffled is not None and one.shuffled.shape == first.shuffled.shape for one in found):  # type: ignore[union-attr]
-        return permuted(float(values.mean()), np.mean([one.shuffled for one in found], axis=0), items, first.limits, first.scale)  # type: ignore[arg-type]
+    if all(e.shuffled is not None and e.shuffled.shape == first.shuffled.shape for e in estimates):  # type: ignore[union-attr]
+        return permuted(float(values.mean()), np.mean([e.shuffled for e in estimates], axis=0), items, first.limits, first.scale)  # type: ignore[arg-type]
     rng = np.random.default_rng([seed, 0xD2])
     normal = rng.standard_normal(resamples)
     value, (forward, back) = float(values.mean()), SCALES[first.scale]
     values = forward(values)
-    wide = np.array([_tail(one.degrees) for one in found])
-    samples = (forward(np.stack([_samples(one, normal) for one in found])) - values[:, None]) / wide[:, None]
-    chosen = rng.integers(draws, size=(draws, resamples))
-    inner = samples[chosen, np.arange(resamples)].mean(axis=0)
-    between = math.sqrt(draws / (draws - 1)) * (values[chosen].mean(axis=0) - values.mean())
+    wide = np.array([_tail(e.degrees) for e in estimates])
+    samples = (forward(np.stack([_samples(e, normal) for e in estimates])) - values[:, None]) / wide[:, None]
+    index = rng.integers(draws, size=(draws, resamples))
+    inner = samples[index, np.arange(resamples)].mean(axis=0)
+    between = math.sqrt(draws / (draws - 1)) * (values[index].mean(axis=0) - values.mean())
     with np.errstate(invalid="ignore"):  # some samples may be NaN or infinite
         within, across = float(np.nanvar(inner)), float(np.var(values, ddof=1)) / draws
         counted = (float(np.nanmean(np.nanvar(samples, axis=1))) - within) / (draws - 1)  # part of `across` that `within` contains
@@ -430,19 +430,19 @@ def over_draws(found: Sequence[Estimate], resamples: int, seed: int) -> Estimate
         across = max(across - counted, 0.0)
     spread = within**2 / max(items - 1, 1) + across**2 / (draws - 1)
     freedom = (within + across) ** 2 / spread if 0 < spread < math.inf else draws - 1
-    single = all(one.n == 1 for one in found)
+    single = all(e.n == 1 for e in estimates)
     samples = back(forward(value) + _tail(freedom) * (inner + between))
     joined = resampled(value, np.clip(samples, *first.limits), draws if single else items, first.limits)
     return replace(joined, freedom=freedom, scale=first.scale, unit="draws" if single else f"draws and {first.unit}")
 
 
-def _samples(found: Estimate, normal: NDArray[np.float64]) -> NDArray[np.float64]:
+def _samples(estimate: Estimate, normal: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the bootstrap samples (resamples,) of an estimate. If it has none, return the samples `normal`, scaled to the width of its
     interval.
     """
-    if found.drawn is not None:
-        return np.resize(np.asarray(found.drawn, np.float64), len(normal))
-    return found.value + normal * np.where(normal > 0, found.high - found.value, found.value - found.low) / 1.96
+    if estimate.drawn is not None:
+        return np.resize(np.asarray(estimate.drawn, np.float64), len(normal))
+    return estimate.value + normal * np.where(normal > 0, estimate.high - estimate.value, estimate.value - estimate.low) / 1.96
 
 
 def ssim(first: NDArray, second: NDArray) -> float:
@@ -471,7 +471,7 @@ def ms_ssim(first: NDArray, second: NDArray) -> float:
         if scale == len(weights) - 1:  # luminance, at the coarsest scale only
             index = index * (2 * mean_1 * mean_2 + bright) / (mean_1**2 + mean_2**2 + bright)
         product *= max(float(index.mean()), 0.0) ** (weight / sum(weights))
-        first, second = (uniform_filter(one, 2)[::2, ::2] for one in (first, second))
+        first, second = (uniform_filter(image, 2)[::2, ::2] for image in (first, second))
     return product
 
 
@@ -492,5 +492,5 @@ def _interval(drawn: NDArray, value: float) -> tuple[float, float]:
         return value, value
     with np.errstate(invalid="ignore"):  # the interpolation between two equal infinities is NaN
         low, high = np.quantile(drawn, [0.025, 0.975])
-    low, high = (drawn[round(at * (len(drawn) - 1))] if np.isnan(one) else one for one, at in ((low, 0.025), (high, 0.975)))
+    low, high = (drawn[round(at * (len(drawn) - 1))] if np.isnan(bound) else bound for bound, at in ((low, 0.025), (high, 0.975)))
     return min(float(low), value), max(float(high), value)

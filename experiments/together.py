@@ -29,6 +29,6 @@ def simulate(configs: Sequence[Config], progress: Progress) -> None:
             module, store = load(config.experiment), Store(Path(config.output) / "cache", progress.say)
             if recordings := getattr(module, "recordings", None):
                 missing.append(recordings(config, store, progress))
-            if own := getattr(module, "calls", None):
-                calls += own(config)
+            if further_calls := getattr(module, "calls", None):
+                calls += further_calls(config)
     make_together(joined(missing), configs[0].jobs, progress, calls=calls)

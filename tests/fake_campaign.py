@@ -40,17 +40,18 @@ class FakeCampaign:
         signature: relative strength of the differences between the echoes of different objects; 0 makes all objects equal.
         gap: relative size of the difference between the measured and the simulated echo pattern of the same object.
         turns: number of revolutions in a measured turntable recording.
+        materials: material source of the simulated room.
         keep: function that decides whether the measured or the simulated domain contains a recording.
     """
 
     def __init__(
         self, motions: Sequence[Motion] = ("turntable",), rooms: Sequence[str] = ("lab",), distances: Sequence[float] = (0.5, 1.0),
         repetitions: int = 3, frames: int = 40, signature: float = 1.0, gap: float = 0.1, objects: Sequence[str] = (),
-        turns: int = 1, keep: Callable[[str, Case], bool] = lambda domain, case: True,
+        turns: int = 1, materials: str = "vlm", keep: Callable[[str, Case], bool] = lambda domain, case: True,
     ) -> None:  # fmt: skip
         self.motions, self.rooms, self.distances, self.repetitions = motions, rooms, distances, repetitions
-        self.frames, self.signature, self.gap, self.turns, self.keep = frames, signature, gap, turns, keep
-        self.made: dict[tuple[str, Case, str], tuple[str, Processed]] = {}
+        self.frames, self.signature, self.gap, self.turns, self.materials, self.keep = frames, signature, gap, turns, materials, keep
+        self.made: dict[tuple[str, Case], tuple[str, Processed]] = {}
         self.objects = tuple(objects) or tuple(catalogue())
         self.radar = Radar.iwr1843()
         self.range_m = range_axis(self.radar, self.radar.num_samples)
@@ -74,15 +75,14 @@ class FakeCampaign:
             return Nominal(10.0, distance + 0.05 * np.linspace(-1, 1, self.frames) ** 2, None)
         return Nominal(self.frames / 25.0, distance, angle)
 
-    def prepare(self, wanted, materials=None) -> None: ...
+    def prepare(self, wanted) -> None: ...
 
-    def processed(self, domain: str, case: Case, materials=None) -> tuple[str, Processed]:
-        source = str(getattr(materials, "source", materials) or "vlm")
-        if (domain, case, source) not in self.made:
-            self.made[domain, case, source] = self._made(domain, case, source)
-        return self.made[domain, case, source]
+    def processed(self, domain: str, case: Case) -> tuple[str, Processed]:
+        if (domain, case) not in self.made:
+            self.made[domain, case] = self._made(domain, case)
+        return self.made[domain, case]
 
-    def _made(self, domain: str, case: Case, source: str) -> tuple[str, Processed]:
+    def _made(self, domain: str, case: Case) -> tuple[str, Processed]:
         kind = every_object()[case.object]
         own = np.random.default_rng([catalogue_number(case.object), 1])
         log = self.log(case, domain)
@@ -99,8 +99,8 @@ class FakeCampaign:
             lines = lines + self.gap * truth.normal(size=6)
             room = room * np.exp(self.gap * truth.normal(size=len(room)))
             level = 2.0 * level * np.exp(0.1 * rng.normal())
-        room = room * (0.0 if domain == "void" or source == "void" else 1.0)
-        if source in ("uniform", "random"):
+        room = room * (0.0 if domain == "void" or self.materials == "void" else 1.0)
+        if self.materials in ("uniform", "random"):
             room = room[::-1]
         envelope = 1 + strength * sum(lines[m] * np.cos((m + 1) * phase) for m in range(6)) / np.abs(lines).sum().clip(1)
         amplitude = 1e-4 * np.sqrt(level) * envelope / log.distance_m**2
@@ -120,7 +120,7 @@ class FakeCampaign:
         power = (np.abs(channels) ** 2).mean(axis=1).astype(np.float32)
         floor = np.full(len(self.range_m), noise, np.float32)
         made = Processed(self.radar, self.range_m, power, channels, None, velocity_axis(self.radar, self.radar.num_chirps), floor)
-        return spec_digest([domain, case, source, self.signature, self.gap, frames])[:32], made
+        return spec_digest([domain, case, self.materials, self.signature, self.gap, frames])[:32], made
 
 
 def frame_of(source: RecordingSource, *motions: str, several: bool = False) -> Frame:

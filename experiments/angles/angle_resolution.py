@@ -62,13 +62,13 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     rows, curves = RowList(config), {}
     cases = [(8, snr_db) for snr_db in SNR_DB] + ([(86, SNR_DB[1])] if full else [])
     for antennas, snr_db in progress.over(cases, "signal-to-noise ratios"):
-        found = {m: [] for m in METHODS}
+        probabilities = {m: [] for m in METHODS}
         for separation in SEPARATIONS:
             draws = (400 if full else 100) if antennas == 8 else 50
             for method, count in resolved(antennas, snr_db, separation, draws, config.seed).items():
-                found[method].append(statistics.share(count, draws))
-        bartlett = half_resolved(found["bartlett"], config).value
-        for method, estimates in found.items():
+                probabilities[method].append(statistics.share(count, draws))
+        bartlett = half_resolved(probabilities["bartlett"], config).value
+        for method, estimates in probabilities.items():
             case = {"antennas": antennas, "snapshots": 2 * antennas, "snr_db": snr_db, "method": method}
             for separation, estimate in zip(SEPARATIONS, estimates, strict=True):
                 rows.add({**case, "separation": separation}, PROBABILITY, estimate, [])
@@ -99,8 +99,8 @@ def resolved(antennas: int, snr_db: float, separation: float, draws: int, seed: 
     offset = np.arange(-WINDOW, WINDOW + STEP / 2, STEP)
     out = {}
     for method in METHODS:
-        level = spectrum(matrices, positions_m, frequency_hz, AngleMethod(method, sources=2))(_horizontal(rayleigh * offset))
-        out[method] = sum(_is_resolved(offset, one, separation) for one in level)
+        levels = spectrum(matrices, positions_m, frequency_hz, AngleMethod(method, sources=2))(_horizontal(rayleigh * offset))
+        out[method] = sum(_is_resolved(offset, level, separation) for level in levels)
     return out
 
 
@@ -120,8 +120,10 @@ def half_resolved(estimates: list[Estimate], config: Config) -> Estimate:
     """
     draws = estimates[0].n
     rng = np.random.default_rng([config.seed, draws])
-    drawn = rng.binomial(draws, [one.value for one in estimates], size=(config.profile.resamples, len(estimates))) / draws
-    return statistics.resampled(_crossing([one.value for one in estimates]), [_crossing(one) for one in drawn], draws)
+    drawn = rng.binomial(draws, [estimate.value for estimate in estimates], size=(config.profile.resamples, len(estimates))) / draws
+    return statistics.resampled(
+        _crossing([estimate.value for estimate in estimates]), [_crossing(probability) for probability in drawn], draws
+    )
 
 
 def _crossing(probability: Any) -> float:
@@ -149,8 +151,8 @@ def spheres(seed: int) -> tuple[Any, np.ndarray]:
 
 def sphere_error_deg(recording: Any, true_rad: np.ndarray, method: str) -> float:
     """Return the error in azimuth of the worse sphere in degrees. The error of a sphere is its distance from the nearest detected peak."""
-    found = detect(recording.iq, RADAR, angle=method).azimuth_rad
-    return float(np.degrees(np.abs(found[:, None] - true_rad).min(axis=0).max()))
+    peaks_rad = detect(recording.iq, RADAR, angle=method).azimuth_rad
+    return float(np.degrees(np.abs(peaks_rad[:, None] - true_rad).min(axis=0).max()))
 
 
 def drawing(curves: dict, recording: Any, true_rad: np.ndarray) -> Figure:
@@ -160,10 +162,14 @@ def drawing(curves: dict, recording: Any, true_rad: np.ndarray) -> Figure:
     for antennas, panel in zip(counts, axes, strict=False):
         for number, method in enumerate(METHODS):
             for snr_db, line in zip(SNR_DB, (":", "--", "-"), strict=False):
-                if (found := curves.get((antennas, snr_db, method))) is None:
+                if (estimates := curves.get((antennas, snr_db, method))) is None:
                     continue
-                panel.plot(SEPARATIONS, [one.value for one in found], line, color=PALETTE[number], label=f"{method}, {snr_db:g} dB")
-                panel.fill_between(SEPARATIONS, [o.low for o in found], [o.high for o in found], color=PALETTE[number], alpha=0.12, lw=0)
+                panel.plot(
+                    SEPARATIONS, [estimate.value for estimate in estimates], line, color=PALETTE[number], label=f"{method}, {snr_db:g} dB"
+                )
+                panel.fill_between(
+                    SEPARATIONS, [e.low for e in estimates], [e.high for e in estimates], color=PALETTE[number], alpha=0.12, lw=0
+                )
         panel.set(title=f"{antennas} antennas", xlabel="separation (Rayleigh widths)", ylabel=PROBABILITY, ylim=(-0.02, 1.02))
     axes[0].legend(fontsize=5)
     profiles, range_m = range_fft(recording.iq, RADAR)

@@ -8,6 +8,7 @@ random seed of these effects comes from the configured seed, the draw (in the te
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
@@ -20,7 +21,7 @@ from experiments.campaign.recorded import Recorded
 from experiments.campaign.schedule import RecordingTask, Schedule
 from experiments.campaign.turned import Turned
 from radartwin.config.config import Config
-from radartwin.config.materials import MaterialsConfig, VoidMaterials, default_materials
+from radartwin.config.materials import MaterialsConfig, VoidMaterials
 from radartwin.errors import InputError
 from radartwin.features.processed import Processed, process
 from radartwin.io.progress import Progress
@@ -29,7 +30,6 @@ from radartwin.runs import workers
 from radartwin.store import array_cache
 from radartwin.store.products import Product, Store
 
-Materials = str | MaterialsConfig | None  # material source of the simulated room; None stands for the configured source
 Call = tuple[Any, ...]  # a function of a module, and its arguments
 CLEAN, PROCESSED = "clean", "processed"
 _FILE = "recording"
@@ -49,6 +49,12 @@ class Campaign:
         self.draw = config.measured.draw if draw is None else draw
         self._recorded = Recorded(config, progress) if config.measured.provider == "recordings" else None
 
+    def with_materials(self, materials: MaterialsConfig) -> Campaign:
+        """Return this campaign with another material source of the simulated room."""
+        other = copy.copy(self)
+        other.config = replace(self.config, materials=materials)
+        return other
+
     def cases(self, domain: str, **conditions: Any) -> list[Case]:
         """Return the recordings of a domain (measured or simulated) that meet conditions such as motion="turntable", room="lab",
         object="mug", distance_m=1.0.
@@ -58,11 +64,11 @@ class Campaign:
         """
         self._check(domain)
         if self._recorded is None:
-            found = planned(self.config.profile.campaign, domain == MEASURED)
-            found = [case for case in found if domain != MEASURED or self.draw in (None, case.draw)]
+            cases = planned(self.config.profile.campaign, domain == MEASURED)
+            cases = [case for case in cases if domain != MEASURED or self.draw in (None, case.draw)]
         else:
-            found = self._recorded.cases if domain == MEASURED else self._recorded.conditions
-        return [case for case in found if all(getattr(case, name) == value for name, value in conditions.items())]
+            cases = self._recorded.cases if domain == MEASURED else self._recorded.conditions
+        return [case for case in cases if all(getattr(case, name) == value for name, value in conditions.items())]
 
     def log(self, case: Case, domain: str = "measured") -> Log:
         """Return the log (nominal motion of radar and target) of a recording.
@@ -74,14 +80,14 @@ class Campaign:
             return self._recorded.log(case) if domain == MEASURED else self._recorded.twin_log(case)
         return log(case, self.config.profile.campaign, measured=domain == MEASURED)
 
-    def processed(self, domain: str, case: Case, materials: Materials = None) -> tuple[str, Processed]:
+    def processed(self, domain: str, case: Case) -> tuple[str, Processed]:
         """Return (store key, processed recording) of a case (object, room, motion, distance); a missing recording is simulated."""
-        product = self.process(domain, case, materials)
+        product = self.process(domain, case)
         return product.key, Processed.load(product.path)
 
-    def process(self, domain: str, case: Case, materials: Materials = None) -> Product:
+    def process(self, domain: str, case: Case) -> Product:
         """Return the processed recording as a stored result (Product)."""
-        key, recording, spec = self._source(domain, case, materials)
+        key, recording, spec = self._source(domain, case)
         doppler = case.motion != "turntable"
 
         def build(folder: Path) -> Mapping[str, int]:
@@ -95,43 +101,41 @@ class Campaign:
         """Return the recording with receiver effects (noise, leakage, ADC). A recording simulated from the scan has thermal noise as
         its only receiver effect.
         """
-        return self._source(domain, case, None)[1]()
+        return self._source(domain, case)[1]()
 
-    def clean(self, domain: str, case: Case, materials: Materials = None) -> Product:
+    def clean(self, domain: str, case: Case) -> Product:
         """Return the simulated recording before receiver effects as a stored result (Product); `load_clean` reads its samples."""
-        spec, make, roots = self._clean(domain, case, materials)
+        spec, make, roots = self._clean(domain, case)
         return self.store.fetch(CLEAN, spec, roots, lambda folder: _save(make, folder))
 
-    def prepare(self, wanted: Iterable[tuple[str, Case]], materials: Materials = None, fresh: bool = False) -> None:
+    def prepare(self, wanted: Iterable[tuple[str, Case]], fresh: bool = False) -> None:
         """Simulate the missing recordings among the (domain, case) pairs in config.jobs workers; `fresh` starts new workers."""
-        make_together(self.missing(wanted, materials), self.config.jobs, self.progress, fresh)
+        make_together(self.missing(wanted), self.config.jobs, self.progress, fresh)
 
-    def missing(
-        self, wanted: Iterable[tuple[str, Case]], materials: Materials = None, clean: bool = False, setup: str = ""
-    ) -> dict[str, RecordingTask]:
+    def missing(self, wanted: Iterable[tuple[str, Case]], clean: bool = False, setup: str = "") -> dict[str, RecordingTask]:
         """Return {store key: task} of the simulated recordings that the store lacks, as input of `make_together`.
 
         `clean` and `setup` become the attributes of the same name in RecordingTask.
         """
-        config, found = replace(self.config, materials=self._materials(TWIN, materials)), {}
+        tasks = {}
         for domain, case in wanted:
             if self._recorded is None or domain != MEASURED:
-                spec, _, roots = self._clean(domain, case, materials)
+                spec, _, roots = self._clean(domain, case)
                 if not self.store.holds(CLEAN, spec, roots):
-                    found[self.store.key(CLEAN, spec, roots)] = RecordingTask(config, self.store.root, domain, case, clean, setup)
-        return found
+                    tasks[self.store.key(CLEAN, spec, roots)] = RecordingTask(self.config, self.store.root, domain, case, clean, setup)
+        return tasks
 
     def plan(self) -> list[tuple[str, Case]]:
         """Return all (domain, case) pairs that the campaign simulates, in the order of simulation.
 
         Motions with short run times come first, and recordings along the same path of the radar are adjacent.
         """
-        chosen = COMPARED if self._recorded is None else (TWIN,)
+        domains = COMPARED if self._recorded is None else (TWIN,)
         order = {motion: number for number, motion in enumerate(("radial", "diagonal", "turntable", "depth", "lateral"))}
-        found = [(domain, case) for domain in chosen for case in self.cases(domain)]
-        return sorted(found, key=lambda one: (order[one[1].motion] > 2, one[1].room, order[one[1].motion], chosen.index(one[0])))
+        pairs = [(domain, case) for domain in domains for case in self.cases(domain)]
+        return sorted(pairs, key=lambda pair: (order[pair[1].motion] > 2, pair[1].room, order[pair[1].motion], domains.index(pair[0])))
 
-    def _clean(self, domain: str, case: Case, materials: Materials) -> tuple[dict[str, Any], Callable[[], Recording | Turned], list[str]]:
+    def _clean(self, domain: str, case: Case) -> tuple[dict[str, Any], Callable[[], Recording | Turned], list[str]]:
         """Describe how a clean recording (before receiver effects) is simulated.
 
         Returns (specification, function that simulates the recording, names of the modules whose code decides the result).
@@ -142,12 +146,12 @@ class Campaign:
                 raise InputError("measured=recordings has no recordings without receiver effects; use measured=testbed")
             spec = {"domain": MEASURED, **truth.specification(case, self.config)}
             return spec, lambda: truth.record(case, self.config), ["experiments.campaign.truth"]
-        chosen, case = self._materials(domain, materials), case.condition
+        source, case = VoidMaterials() if domain == VOID else self.config.materials, case.condition
         nominal = self.log(case, domain)
-        spec = {"domain": TWIN, **twin.specification(case, nominal, self.config, chosen, self.store)}
-        return spec, lambda: twin.record(case, nominal, self.config, chosen, self.store, self.progress.say), ["experiments.campaign.twin"]
+        spec = {"domain": TWIN, **twin.specification(case, nominal, self.config, source, self.store)}
+        return spec, lambda: twin.record(case, nominal, self.config, source, self.store, self.progress.say), ["experiments.campaign.twin"]
 
-    def _source(self, domain: str, case: Case, materials: Materials) -> tuple[str, Callable[[], Recording], dict[str, Any]]:
+    def _source(self, domain: str, case: Case) -> tuple[str, Callable[[], Recording], dict[str, Any]]:
         """Describe the recording before receiver effects from which a processed recording is computed.
 
         Returns (store key of that recording, function that reads it, entries to add to the specification of the processed recording).
@@ -156,19 +160,12 @@ class Campaign:
         if domain == MEASURED and self._recorded is not None:
             recorded = self._recorded
             return recorded.key(case), lambda: recorded.recording(case), {}
-        product = self.clean(domain, case, materials)
+        product = self.clean(domain, case)
         if domain == MEASURED:
             gap = self.config.measured.gap
             spec = {"hardware": gap.hardware, "unscanned": gap.unscanned_echoes, "seed": truth.seed_of(case, self.config)}
             return product.key, lambda: truth.receive(load_clean(product), case, self.config), spec
         return product.key, lambda: twin.noisy(load_clean(product), case.condition, self.config), {"seed": self.config.seed}
-
-    def _materials(self, domain: str, materials: Materials) -> MaterialsConfig:
-        if domain == VOID:
-            return VoidMaterials()
-        if materials is None:
-            return self.config.materials
-        return default_materials(materials) if isinstance(materials, str) else materials
 
     @staticmethod
     def _check(domain: str) -> None:
@@ -176,14 +173,14 @@ class Campaign:
             raise InputError(f"campaign: unknown domain {domain!r}; choose {', '.join(DOMAINS)}")
 
 
-def joined(some: Iterable[Mapping[str, RecordingTask]]) -> dict[str, RecordingTask]:
+def joined(task_sets: Iterable[Mapping[str, RecordingTask]]) -> dict[str, RecordingTask]:
     """Join the task dictionaries of several campaigns. A recording is processed if at least one of the campaigns needs it processed."""
-    found: dict[str, RecordingTask] = {}
-    for missing in some:
+    tasks: dict[str, RecordingTask] = {}
+    for missing in task_sets:
         for key, task in missing.items():
-            first = found.setdefault(key, task)
-            found[key] = replace(first, clean=first.clean and task.clean)
-    return found
+            first = tasks.setdefault(key, task)
+            tasks[key] = replace(first, clean=first.clean and task.clean)
+    return tasks
 
 
 def make_together(

@@ -43,7 +43,7 @@ def _turntable(case: Case, processed: Processed, log: Log) -> Columns:
     inside = (processed.range_m >= NEAR_M) & (processed.range_m <= FAR_M)
     strongest = int(np.where(inside, processed.power.mean(axis=0), 0).argmax())
     angle_rad = angles(log, processed.num_frames)
-    turn = angle_rad < angle_rad[0] + 2 * np.pi - 1e-9
+    first_revolution = angle_rad < angle_rad[0] + 2 * np.pi - 1e-9
     energy = envelope.target_energy(processed, distances(log, processed.num_frames))
     return {
         **(_whole(processed, log, target_m) if envelope.resolved(angle_rad) else {}),
@@ -51,7 +51,7 @@ def _turntable(case: Case, processed: Processed, log: Log) -> Columns:
         "energy_noise": np.array([energy.mean(), processed.noise_floor.mean()], float),
         "range_m": processed.range_m,
         **{f"{name}_power": average(processed.power.astype(float)) for name, average in AVERAGES.items()},
-        "revolution": processed.power[turn if case.object.startswith(REFLECTOR) else slice(0)],
+        "revolution": processed.power[first_revolution if case.object.startswith(REFLECTOR) else slice(0)],
         "first_frame": (first := processed.channels[: case.object.startswith(REFLECTOR)]),
         "azimuth_map": np.abs(first.swapaxes(1, 2) @ steering(processed.radar, AZIMUTH_RAD)) ** 2,
     }
@@ -107,7 +107,7 @@ def _drive(case: Case, processed: Processed, log: Log) -> Columns:
         "track_m": along,
         "energy": np.maximum(envelope.target_energy(processed, along), 0.0),
         "velocity_mps": np.zeros(0) if processed.doppler is None else doppler.radial_velocity(processed, along),
-        "detections": np.concatenate([np.column_stack([np.full(len(one), number), one]) for number, one in enumerate(clouds)]),
+        "detections": np.concatenate([np.column_stack([np.full(len(points), number), points]) for number, points in enumerate(clouds)]),
     }
 
 

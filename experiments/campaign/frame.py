@@ -45,8 +45,8 @@ def shared(source: RecordingSource, motions: Sequence[str], room: str | None = N
         room: room of the recordings; None stands for all rooms.
         several: whether only the recordings that `balanced` keeps are returned.
     """
-    chosen = {"room": room} if room else {}
-    cases = [(domain, case) for domain in COMPARED for motion in motions for case in source.cases(domain, motion=motion, **chosen)]
+    conditions = {"room": room} if room else {}
+    cases = [(domain, case) for domain in COMPARED for motion in motions for case in source.cases(domain, motion=motion, **conditions)]
     places = [{_place(case) for of, case in cases if of == domain} for domain in COMPARED]
     if not (common := set.intersection(*places)):
         raise ConfigError(
@@ -57,9 +57,9 @@ def shared(source: RecordingSource, motions: Sequence[str], room: str | None = N
     wanted = [(domain, case) for domain, case in cases if _place(case) in common]
     wanted = sorted(
         wanted,
-        key=lambda one: (
-            DOMAINS.index(one[0]), objects.index(one[1].object), one[1].room, motions.index(one[1].motion), one[1].distance_m,
-            one[1].repetition,
+        key=lambda pair: (
+            DOMAINS.index(pair[0]), objects.index(pair[1].object), pair[1].room, motions.index(pair[1].motion), pair[1].distance_m,
+            pair[1].repetition,
         ),
     )  # fmt: skip
     return [wanted[row] for row in balanced(_conditions(wanted)).index] if several else wanted
@@ -75,24 +75,24 @@ def _place(case: Case) -> tuple[Any, ...]:
     return tuple(getattr(case, name) for name in PLACE)
 
 
-def stored(campaign: Campaign, wanted: Wanted, progress: Progress, materials: Any = None) -> Frame:
+def stored(campaign: Campaign, wanted: Wanted, progress: Progress) -> Frame:
     """Return the frame of some recordings from the store; a frame that the store lacks is read first. Missing recordings are simulated."""
-    campaign.prepare(wanted, materials)
-    keys = [[domain, astuple(case), campaign.process(domain, case, materials).key] for domain, case in wanted]
+    campaign.prepare(wanted)
+    keys = [[domain, astuple(case), campaign.process(domain, case).key] for domain, case in wanted]
 
     def build(folder: Path) -> None:
-        save(read(campaign, wanted, progress, materials), folder)
+        save(read(campaign, wanted, progress), folder)
 
     return load(campaign.store.fetch("frame", {"recordings": keys}, [__name__], build).arrays())
 
 
-def read(source: RecordingSource, wanted: Wanted, progress: Progress, materials: Any = None) -> Frame:
+def read(source: RecordingSource, wanted: Wanted, progress: Progress) -> Frame:
     """Read the frame of some recordings."""
     import pandas as pd
 
     rows, known = [], every_object()
     for domain, case in progress.over(list(wanted), "recordings read"):
-        key, processed = source.processed(domain, case, materials)
+        key, processed = source.processed(domain, case)
         conditions = dict(zip(CONDITIONS, astuple(case), strict=True)) | {"domain": domain, **dict.fromkeys(VERSIONS, ""), "key": key}
         kind = {name: getattr(known[case.object], name) for name in KINDS}
         rows.append({**conditions, **kind, **columns.read(case, processed, source.log(case, domain))})
@@ -126,12 +126,12 @@ def balanced(frame: Frame) -> Frame:
     distance. Raises InputError if no row is left.
     """
     where = ["room", "motion", "distance_m"]
-    some = frame[frame.groupby(where).object.transform("nunique") > 1]
-    if some.empty:
+    compared = frame[frame.groupby(where).object.transform("nunique") > 1]
+    if compared.empty:
         raise InputError("the campaign has no recordings of two objects at one distance, both measured and simulated; add objects")
-    groups = some.groupby(["domain", *PLACE])
-    fewest = groups.distance_m.transform("size").groupby([some[name] for name in ("domain", *where)]).transform("min")
-    return some[groups.cumcount() < fewest]
+    groups = compared.groupby(["domain", *PLACE])
+    fewest = groups.distance_m.transform("size").groupby([compared[name] for name in ("domain", *where)]).transform("min")
+    return compared[groups.cumcount() < fewest]
 
 
 def save(frame: Frame, folder: Path) -> None:
@@ -149,8 +149,8 @@ def load(arrays: dict[str, np.ndarray]) -> Frame:
     """Return the frame that `save` has written."""
     import pandas as pd
 
-    found: dict[str, list[Any]] = {}
+    cells: dict[str, list[Any]] = {}
     for name, values in arrays.items():
         column, is_cell, _ = name.partition("/")
-        found.setdefault(column, []).extend([values] if is_cell else values.tolist())
-    return pd.DataFrame(found)
+        cells.setdefault(column, []).extend([values] if is_cell else values.tolist())
+    return pd.DataFrame(cells)

@@ -81,23 +81,23 @@ class View:
 def run(config: Config, store: Store, progress: Progress) -> Result:
     """Draw one figure per pair of a measured and a simulated recording, and add table rows on the agreement of the pair."""
     campaign = Campaign(config, store, progress)
-    cases = chosen(config, campaign)
+    cases = cases_to_draw(config, campaign)
     rows = RowList(config)
     figures: dict[str, Callable[[], Figure]] = {}
     keys: list[str] = []
     for case in progress.over(cases, "pairs"):
-        found = {domain: campaign.processed(domain, case) for domain in LABELS}
+        recordings = {domain: campaign.processed(domain, case) for domain in LABELS}
         logs = {domain: campaign.log(case, domain) for domain in LABELS}
-        views = {domain: view(found[domain][1], logs[domain], partial(campaign.recording, domain, case)) for domain in LABELS}
-        _add_rows(rows, case, found, logs)
+        views = {domain: view(recordings[domain][1], logs[domain], partial(campaign.recording, domain, case)) for domain in LABELS}
+        _add_rows(rows, case, recordings, logs)
         name = f"gallery_{case.object}_{case.room}_{case.motion}_{case.distance_m:g}m"
         figures[name] = partial(draw, views, _title(case), config.measured.provider)
-        keys += [key for key, _ in found.values()]
+        keys += [key for key, _ in recordings.values()]
     metrics = {f"correlation_{r['pair'].replace('/', '_')}": r["value"] for r in rows if r["metric"] == "profile correlation"}
     return Result(TABLE.name, rows, figures, metrics, keys)
 
 
-def chosen(config: Config, campaign: Campaign) -> list[Case]:
+def cases_to_draw(config: Config, campaign: Campaign) -> list[Case]:
     """Return the configured pairs of recordings; the default is the list of the profile, or the first recordings of a recording set."""
     if config.experiment.pairs or config.measured.provider != "recordings":
         return [parse(pair) for pair in config.experiment.pairs or PAIRS.get(config.profile.name, PAIRS["quick"])]
@@ -139,8 +139,8 @@ def view(processed: Processed, log: Log, recording: Callable[[], Recording]) -> 
     time_s, middle = np.arange(count) / log.frame_rate_hz, count // 2
     radar, weights = processed.radar, steering(processed.radar, AZIMUTH_RAD)
     azimuth, speed, nominal = course(log, count)
-    chosen_frames = slice(count) if turning else slice(middle, middle + 1)
-    beams = np.einsum("fab,ap->pfb", processed.channels[chosen_frames], weights, optimize=True)
+    averaged_frames = slice(count) if turning else slice(middle, middle + 1)
+    beams = np.einsum("fab,ap->pfb", processed.channels[averaged_frames], weights, optimize=True)
     if turning:
         slow = np.fft.fftshift(np.fft.fft(processed.channels[:count], axis=0) / count, axes=0)
         doppler = np.mean(np.abs(slow) ** 2, axis=1)
@@ -149,9 +149,9 @@ def view(processed: Processed, log: Log, recording: Callable[[], Recording]) -> 
     else:
         profiles, _ = range_fft(recording().iq[middle], radar)
         spectra, velocity = doppler_fft(profiles, radar, bins=_PADDING * radar.num_chirps)
-        shown = np.abs(velocity) <= FASTEST_MPS
-        doppler = np.mean(np.abs(spectra[shown][..., : len(processed.range_m)]) ** 2, axis=(1, 2))
-        doppler_axis, point = velocity[shown], (speed[middle : middle + 1], nominal[middle : middle + 1])
+        kept = np.abs(velocity) <= FASTEST_MPS
+        doppler = np.mean(np.abs(spectra[kept][..., : len(processed.range_m)]) ** 2, axis=(1, 2))
+        doppler_axis, point = velocity[kept], (speed[middle : middle + 1], nominal[middle : middle + 1])
     return View(
         range_m=processed.range_m,
         across={"time": time_s, "Doppler": doppler_axis, "azimuth": np.degrees(AZIMUTH_RAD[::-1])},
@@ -177,16 +177,16 @@ def course(log: Log, frames: int) -> tuple[Real, Real, Real]:
     return azimuth, np.gradient(distance, 1 / log.frame_rate_hz)[:frames], distance[:frames]
 
 
-def _add_rows(rows: RowList, case: Case, found: dict[str, tuple[str, Processed]], logs: dict[str, Log]) -> None:
+def _add_rows(rows: RowList, case: Case, recordings: dict[str, tuple[str, Processed]], logs: dict[str, Log]) -> None:
     pair = f"{case.object}/{case.room}/{case.motion}/{case.distance_m:g}"
 
     def add(of: str, metric: str, value: float, keys: list[str]) -> None:
         rows.add({"pair": pair, "of": of}, metric, statistics.exact(value, 1), keys)
 
-    both = [key for key, _ in found.values()]
-    measured, simulated = (found[domain][1].power.mean(axis=0, dtype=np.float64) for domain in ("measured", "twin"))
-    add("both", "profile correlation", profile_correlation(measured, simulated, found["twin"][1].range_m), both)
-    for domain, (key, processed) in found.items():
+    both = [key for key, _ in recordings.values()]
+    measured, simulated = (recordings[domain][1].power.mean(axis=0, dtype=np.float64) for domain in ("measured", "twin"))
+    add("both", "profile correlation", profile_correlation(measured, simulated, recordings["twin"][1].range_m), both)
+    for domain, (key, processed) in recordings.items():
         log = logs[domain]
         nominal = np.asarray(log.distance_m, float)
         path = track.around(processed, nominal, log.frame_rate_hz)
@@ -207,12 +207,12 @@ def draw(views: dict[str, View], title: str, domain: str) -> Figure:
     }
     drawing, panels = figure(2, 3, width_in=PAGE_WIDTH_IN, height_in=4.6, sharey=True, sharex="col")
     for column, (panel, label) in enumerate(labels.items()):
-        top = 10 * np.log10(max(one.maps[panel].max() for one in views.values()))
-        for axes, (side, one) in zip(panels[:, column], views.items(), strict=True):
-            level = 10 * np.log10(np.maximum(one.maps[panel], 10 ** ((top - SPAN_DB) / 10)))
-            extent = (*pixel_edges(one.across[panel]), *pixel_edges(one.range_m))
+        top = 10 * np.log10(max(recording.maps[panel].max() for recording in views.values()))
+        for axes, (side, recording) in zip(panels[:, column], views.items(), strict=True):
+            level = 10 * np.log10(np.maximum(recording.maps[panel], 10 ** ((top - SPAN_DB) / 10)))
+            extent = (*pixel_edges(recording.across[panel]), *pixel_edges(recording.range_m))
             range_map(axes, level, extent, top, SPAN_DB)
-            _mark(axes, *one.truth[panel])
+            _mark(axes, *recording.truth[panel])
             if not column:
                 axes.set_ylabel(f"{LABELS[side]}{f' ({domain})' if side == 'measured' else ''}\nrange (m)")
         panels[0, column].set_title(f"range over {panel}")

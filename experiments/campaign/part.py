@@ -28,12 +28,12 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
     Raises UserError if a recording cannot be simulated.
     """
-    campaign, chosen = Campaign(config, store, progress), config.experiment
-    wanted = part(campaign.plan(), chosen.part, chosen.parts)
+    campaign, options = Campaign(config, store, progress), config.experiment
+    wanted = part(campaign.plan(), options.part, options.parts)
     campaign.prepare(wanted)
     keys = [campaign.process(domain, case).key for domain, case in progress.over(wanted, "recordings")]
     rows = RowList(config)
-    rows.add({"part": chosen.part, "parts": chosen.parts}, "recordings", exact(len(wanted), len(wanted)), keys)
+    rows.add({"part": options.part, "parts": options.parts}, "recordings", exact(len(wanted), len(wanted)), keys)
     return Result(NAME, rows, {}, {"recordings": len(wanted)}, keys)
 
 
@@ -43,5 +43,5 @@ def part(plan: list[tuple[str, Case]], number: int, parts: int) -> list[tuple[st
     >>> [part([("twin", k) for k in range(5)], number, 2) for number in (0, 1)]
     [[('twin', 0), ('twin', 1), ('twin', 2)], [('twin', 3), ('twin', 4)]]
     """
-    edges = np.cumsum([0, *(len(some) for some in np.array_split(np.arange(len(plan)), parts))])
+    edges = np.cumsum([0, *(len(section) for section in np.array_split(np.arange(len(plan)), parts))])
     return plan[edges[number] : edges[number + 1]]

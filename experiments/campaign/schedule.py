@@ -43,8 +43,8 @@ class Schedule:
             motion = task.case.motion if task.case.motion in ROVER else "bench"
             setup = task.setup or str(configs.index(task.config))
             self.tracks[setup, task.domain, task.case.room, motion, task.case.draw].append(task)
-        for some in self.tracks.values():  # recordings at the same distance share the paths of the stand
-            some.sort(key=lambda task: (task.case.motion, task.case.distance_m))
+        for track_tasks in self.tracks.values():  # recordings at the same distance share the paths of the stand
+            track_tasks.sort(key=lambda task: (task.case.motion, task.case.distance_m))
 
     def next_task(self, worker: int) -> RecordingTask | None:
         """Return the next recording for a worker, or None if no recording is left.

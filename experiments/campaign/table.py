@@ -78,7 +78,7 @@ def make(campaign: Campaign, progress: Progress) -> Frame:
     wanted = campaign.plan()
     missing = campaign.missing(wanted)
     gaps = truth.gaps_of(campaign.config)
-    counts = [states(one.domain, one.case, campaign.log(one.case, one.domain).frames, gaps) for one in missing.values()]
+    counts = [states(task.domain, task.case, campaign.log(task.case, task.domain).frames, gaps) for task in missing.values()]
     size = sum(expected_bytes(build_radar(campaign.config.radar), *count) for count in counts)
     frames, traced = (sum(count[k] for count in counts) for k in (0, 1))
     progress.say(
@@ -111,13 +111,13 @@ def _with_scans(campaign: Campaign, made: Frame) -> Frame:
     config, store, strength = campaign.config, campaign.store, campaign.config.measured.gap.geometry
     if config.materials.source == VOID:
         return made  # no scan
-    for room, some in made[made.domain == TWIN].groupby("room", sort=False):
+    for room, simulated in made[made.domain == TWIN].groupby("room", sort=False):
         if not store.holds(virtual_scan.KIND, virtual_scan.specification(config, room, strength), virtual_scan.ROOTS):
             continue  # no scan
         scan = virtual_scan.fetch(config, store, room, strength).read_json("meta")
         began, ended = _span_s(scan)
-        if not ((some.began_s - ROUNDED_S <= began) & (ended <= some.ended_s + ROUNDED_S)).any():
-            made.loc[some.index[0], ["clean_s", "core_s", "set_ups"]] += [float(scan["seconds"]), float(scan["core_seconds"]), 1]
+        if not ((simulated.began_s - ROUNDED_S <= began) & (ended <= simulated.ended_s + ROUNDED_S)).any():
+            made.loc[simulated.index[0], ["clean_s", "core_s", "set_ups"]] += [float(scan["seconds"]), float(scan["core_seconds"]), 1]
     return made
 
 
@@ -135,28 +135,28 @@ def rows(config: Config, made: Frame) -> RowList:
     """Build the table rows: one group per domain and motion, one per domain, and one for the paper's campaign."""
     out = RowList(config)
     for domain in COMPARED:
-        own = made[made.domain == domain]
-        for motion, some in own.groupby("motion", sort=False):
-            _add_group(out, domain, motion, some)
-        if len(own):
-            _add_group(out, domain, ALL, own)
+        of_domain = made[made.domain == domain]
+        for motion, of_motion in of_domain.groupby("motion", sort=False):
+            _add_group(out, domain, motion, of_motion)
+        if len(of_domain):
+            _add_group(out, domain, ALL, of_domain)
     if config.measured.provider == "testbed":
         _add_paper(out, made)
     return out
 
 
-def _case(of: str, motion: str, some: Frame) -> dict[str, Any]:
-    return {"of": of, "motion": motion, "recordings": len(some)} | some[["frames", "traced", "set_ups"]].sum().astype(int).to_dict()
+def _case(of: str, motion: str, made: Frame) -> dict[str, Any]:
+    return {"of": of, "motion": motion, "recordings": len(made)} | made[["frames", "traced", "set_ups"]].sum().astype(int).to_dict()
 
 
-def _add_group(rows: RowList, domain: str, motion: str, some: Frame) -> None:
+def _add_group(rows: RowList, domain: str, motion: str, made: Frame) -> None:
     """Add rows with the time per frame and the disk space of the recordings of one domain and motion."""
-    keys, case, config = list(some.key), _case(LABELS[domain], motion, some), rows.config
+    keys, case, config = list(made.key), _case(LABELS[domain], motion, made), rows.config
     claim = FRAME if domain == MEASURED and motion == ALL and config.measured.provider == "testbed" else NONE
-    for kind, seconds, own in (("wall", some.clean_s + some.processing_s, claim), ("core", some.core_s, NONE)):
-        found = ratio(1e3 * seconds.to_numpy(), some.frames.to_numpy(float), config.profile.resamples, config.seed)
-        rows.add(case, f"{kind} time per frame (ms)", found, keys, own)
-    rows.add(case, "disk (MB)", exact(some.bytes.sum() / 1e6, len(some)), keys)
+    for kind, seconds, row_claim in (("wall", made.clean_s + made.processing_s, claim), ("core", made.core_s, NONE)):
+        estimate = ratio(1e3 * seconds.to_numpy(), made.frames.to_numpy(float), config.profile.resamples, config.seed)
+        rows.add(case, f"{kind} time per frame (ms)", estimate, keys, row_claim)
+    rows.add(case, "disk (MB)", exact(made.bytes.sum() / 1e6, len(made)), keys)
 
 
 def _add_paper(rows: RowList, made: Frame) -> None:
@@ -169,13 +169,13 @@ def _add_paper(rows: RowList, made: Frame) -> None:
     cases = [(domain, case) for domain in COMPARED for case in planned(paper, domain == MEASURED)]
     count = workers.worker_count(config.jobs, len(cases))
     keys, case = list(made.key), _case("both", ALL, made)
-    own = config.profile.campaign == paper
-    label = f"{count} at once" + ("" if own else ", extrapolated")
+    is_paper = config.profile.campaign == paper
+    label = f"{count} at once" + ("" if is_paper else ", extrapolated")
     for draws, minutes, disk in (("one draw", MINUTES, DISK), ("all draws", ALL_MINUTES, NONE)):
-        wanted = [(domain, one) for domain, one in cases if draws == "all draws" or not one.draw]
-        if own:
-            some = made if draws == "all draws" else made[made.draw == 0]
-            seconds, size = (some.clean_s + some.processing_s).sum(), some.bytes.sum()
+        wanted = [(domain, recording) for domain, recording in cases if draws == "all draws" or not recording.draw]
+        if is_paper:
+            of_draws = made if draws == "all draws" else made[made.draw == 0]
+            seconds, size = (of_draws.clean_s + of_draws.processing_s).sum(), of_draws.bytes.sum()
         else:
             seconds, size = _expected(config, paper, wanted, made)
         rows.add(case, f"time of the paper's campaign, {draws}, {label} (min)", exact(seconds / 60 / count, len(made)), keys, minutes)
@@ -199,20 +199,20 @@ def _expected(config: Config, paper: CampaignConfig, wanted: Sequence[tuple[str,
         lengths = [nominal_log(case, paper, measured=group[0] == MEASURED).frames for case in cases]
         counts = [states(group[0], case, frames, Gaps()) for case, frames in zip(cases, lengths, strict=True)]
         seconds += extrapolated(recorded[group], counts, len({(case.room, case.draw) for case in cases}))
-        size += sum(expected_bytes(radar, *one) for one in counts)
+        size += sum(expected_bytes(radar, *count) for count in counts)
     return seconds, size
 
 
-def extrapolated(some: Frame, counts: Sequence[tuple[int, int]], rooms: int) -> float:
-    """Extrapolate the run time in seconds of recordings with these (frames, traced states) from the timed recordings `some` of the
+def extrapolated(timed: Frame, counts: Sequence[tuple[int, int]], rooms: int) -> float:
+    """Extrapolate the run time in seconds of recordings with these (frames, traced states) from the timed recordings `timed` of the
     same kind.
     """
     frames, traced = np.sum(counts, axis=0)
-    without, setting_up = some[some.set_ups == 0], some[some.set_ups > 0]
-    plain = without if len(without) else some
+    without, setting_up = timed[timed.set_ups == 0], timed[timed.set_ups > 0]
+    plain = without if len(without) else timed
     each_state = plain.clean_s.sum() / plain.traced.sum()
     setup_s = (setting_up.clean_s - each_state * setting_up.traced).mean() if len(without) and len(setting_up) else 0.0
-    return float(each_state * traced + rooms * setup_s + some.processing_s.sum() / some.frames.sum() * frames)
+    return float(each_state * traced + rooms * setup_s + timed.processing_s.sum() / timed.frames.sum() * frames)
 
 
 def states(domain: str, case: Case, frames: int, gaps: Gaps) -> tuple[int, int]:

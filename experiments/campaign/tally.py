@@ -18,6 +18,6 @@ def count(name: str) -> None:
 @contextmanager
 def counted() -> Iterator[Counter[str]]:
     """Yield a counter. At the end of the `with` block the counter holds the number of events inside the block, by name."""
-    before, found = _counts.copy(), Counter[str]()
-    yield found
-    found.update(_counts - before)
+    before, events = _counts.copy(), Counter[str]()
+    yield events
+    events.update(_counts - before)

@@ -40,14 +40,14 @@ def seen(
     parts: list[Paths] = []
     if len(sensor) > 1:
         together = [*disc, *(s.moved(poses[0]) for s in target)]
-        for surfaces, coupled in ((together, True), *(([one], False) for one in apart)):
+        for surfaces, coupled in ((together, True), *(([surface], False) for surface in apart)):
             share = coupled and len(sensor) >= FEW
             parts += drives.moving(surfaces, sensor, np.eye(4)[None], coupled and not share, aside)
             if share:
                 parts += drives.over_room(surfaces, sensor, aside).seen(sensor, rate_hz)
         return parts
     parts += drives.moving(target, sensor, poses, shadow=shadow)
-    for surfaces, coupled in ((disc, True), *(([one], False) for one in apart)):
+    for surfaces, coupled in ((disc, True), *(([surface], False) for surface in apart)):
         parts += drives.at_rest(surfaces, sensor, coupled)
     return parts
 
@@ -71,6 +71,6 @@ def on_carriage(
     """
     back = np.linalg.inv(start)
     parts = drives.moving([*target, *(s.moved(back) for s in disc)], sensor, poses)
-    for one in apart:
-        parts += drives.moving([one.moved(back)], sensor, poses, False)
+    for surface in apart:
+        parts += drives.moving([surface.moved(back)], sensor, poses, False)
     return parts

@@ -159,9 +159,9 @@ def receive(clean: Recording, case: Case, config: Config) -> Recording:
 
 def _target(case: Case, gaps: testbed.Gaps, seed: int) -> Scene:
     """Return the true surfaces of the object in the object's own frame. All repetitions of a recording use the same object."""
-    own = int(np.random.SeedSequence([seed, *case.object.encode()]).generate_state(1)[0])
-    made = as_made(every_object()[case.object], gaps.object_shape, np.random.default_rng(own))
-    return testbed.truth(Scene(made), gaps, own, target=True)
+    object_seed = int(np.random.SeedSequence([seed, *case.object.encode()]).generate_state(1)[0])
+    made = as_made(every_object()[case.object], gaps.object_shape, np.random.default_rng(object_seed))
+    return testbed.truth(Scene(made), gaps, object_seed, target=True)
 
 
 def _around(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> Scene:
@@ -220,7 +220,7 @@ def _seen(case: Case, place: _Place, root: int, there: testbed.Actual, shadow: b
     aside = poses[0, :3, 3] - place.log.target_poses[0, :3, 3]
     if case.motion in ROVER:  # the placement error moves target and stand together
         off = poses[0] @ np.linalg.inv(place.log.target_poses[0])
-        disc, apart = ([s.moved(off) for s in some] for some in (disc, apart))
+        disc, apart = ([s.moved(off) for s in surfaces] for surfaces in (disc, apart))
     target = list(_target(case, place.gaps, root))
     if case.motion in RAIL:
         parts = on_carriage(drives, there.sensor_poses, target, poses, place.log.target_poses[0], disc, apart)
@@ -314,7 +314,7 @@ def _creep(case: Case, place: _Place, seed: int, root: int) -> drift.Drift | Non
 
     def running(state: float) -> np.ndarray:
         warm = drift.shifted(below, RUNNING, state, creeps, root)
-        parts = [part for one in warm for part in _drives(case, place, root).moving([one], sensor, np.eye(4)[None], False)]
+        parts = [part for surface in warm for part in _drives(case, place, root).moving([surface], sensor, np.eye(4)[None], False)]
         return received(parts, short, 1, elements="exact", oscillator=None)[0, 0]
 
     key = f"{case.room} {root} {place.gaps} {settings} {short}"

@@ -19,7 +19,7 @@ import numpy as np
 
 from experiments.campaign.cases import Case, Log, log, stand_top
 from experiments.complexity import timing
-from experiments.complexity.rows import AUTO, EVERYTHING, FIXED, MULTIPATH, REFLECTOR, SHAPE, SHIPPED, Found, chart, table
+from experiments.complexity.rows import AUTO, EVERYTHING, FIXED, MULTIPATH, REFLECTOR, SHAPE, SHIPPED, CaseResult, chart, table
 from experiments.speed.machine import machine
 from radartwin.adaptive import limits as limits_module
 from radartwin.adaptive.choice import Choice, choose
@@ -112,7 +112,7 @@ ProbeOf = Callable[[int | None, bool], Probe]  # (number of frames or None for t
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class Requirement:
     """A feature set of one case (scene, object and motion), for which a simulation model is chosen."""
 
     name: str  # name of the case
@@ -147,27 +147,29 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     if workers.worker_count(config.jobs, len(cases)) > 1:
         with progress.task("cases recorded", len(cases)) as done:
             workers.each(_recorded, [(case, config) for case in cases], config.jobs, done)
-    asked = [one for case in cases for one in _of_case(case, config, store)]
+    requirements = [requirement for case in cases for requirement in _of_case(case, config, store)]
     if config.scene.name == "scan":
-        asked += _of_scan(config, store)
+        requirements += _of_scan(config, store)
     alone = []
-    for name in dict.fromkeys(one.name for one in asked):
+    for name in dict.fromkeys(requirement.name for requirement in requirements):
         with tempfile.TemporaryDirectory() as folder, array_cache.in_folder(folder):  # the models of one case share cached rooms
-            mine = [one for one in asked if one.name == name]
-            alone += [choose([(one.kept, one.limits)]) for one in progress.over(mine, name)]
-    fixed = choose([(one.kept, one.limits) for one in progress.over(asked, "one model for all cases")])
+            mine = [requirement for requirement in requirements if requirement.name == name]
+            alone += [choose([(requirement.kept, requirement.limits)]) for requirement in progress.over(mine, name)]
+    fixed = choose([(requirement.kept, requirement.limits) for requirement in progress.over(requirements, "one model for all cases")])
     seconds: dict[str, dict[Model, list[float]]] = {}
-    names = dict.fromkeys(one.name for one in asked)
+    names = dict.fromkeys(requirement.name for requirement in requirements)
     for name in progress.over(list(names), "run times"):
-        mine = [(one, choice) for one, choice in zip(asked, alone, strict=True) if one.name == name]
+        mine = [(requirement, choice) for requirement, choice in zip(requirements, alone, strict=True) if requirement.name == name]
         models = [fixed.model, DEFAULT, *(choice.model for _, choice in mine)]
         seconds[name] = timing.seconds(mine[0][0].probe_of, models, 1 if config.profile.name == "quick" else ROUNDS, store)
-    sufficient = max(one.error(DEFAULT)[0] for one in asked) <= 1
+    sufficient = max(requirement.error(DEFAULT)[0] for requirement in requirements) <= 1
     if sufficient and np.median([timing.ratio(of[DEFAULT], of[fixed.model]) for of in seconds.values()]) < 1:
-        fixed = Choice(DEFAULT, *max(one.error(DEFAULT) for one in asked), ())
-    pairs = list(zip(asked, alone, strict=True))
-    found = [_found(one, choice, fixed.model, seconds[one.name]) for one, choice in progress.over(pairs, "errors")]
-    rows = table(config, found, fixed)
+        fixed = Choice(DEFAULT, *max(requirement.error(DEFAULT) for requirement in requirements), ())
+    pairs = list(zip(requirements, alone, strict=True))
+    results = [
+        _case_result(requirement, choice, fixed.model, seconds[requirement.name]) for requirement, choice in progress.over(pairs, "errors")
+    ]
+    rows = table(config, results, fixed)
     claimed = [r for r in rows if r["claim"] and r["value"] is not None]
     # a metric name may contain only the characters in this pattern
     metrics = {re.sub(r"[^\w .:/-]", "", f"{r['metric']} {r['case']} {r['features']}"): r["value"] for r in claimed}
@@ -185,29 +187,29 @@ def cases_of(config: Config) -> tuple[Case, ...]:
 def _recorded(case: Case, config: Config) -> None:
     """Simulate and store the recordings that are needed to choose a model for one case and to compute the model's errors."""
     with tempfile.TemporaryDirectory() as folder, array_cache.in_folder(folder):
-        for one in _of_case(case, config, Store(Path(config.output) / "cache")):
-            chosen = choose([(one.kept, one.limits)]).model
-            for model in (chosen, DEFAULT):
-                one.error(model, between=True)
-            one.error(replace(DEFAULT, layered=False))
+        for requirement in _of_case(case, config, Store(Path(config.output) / "cache")):
+            auto = choose([(requirement.kept, requirement.limits)]).model
+            for model in (auto, DEFAULT):
+                requirement.error(model, between=True)
+            requirement.error(replace(DEFAULT, layered=False))
 
 
-def _of_case(case: Case, config: Config, store: Store) -> list[Asked]:
-    asked = _asked(case.name.removesuffix("-0"), staged_case(case, config), case.motion, case.object, store)
-    return [one for one in asked if config.profile.name != "quick" or one.words != EVERYTHING]
+def _of_case(case: Case, config: Config, store: Store) -> list[Requirement]:
+    requirements = _requirements(case.name.removesuffix("-0"), staged_case(case, config), case.motion, case.object, store)
+    return [requirement for requirement in requirements if config.profile.name != "quick" or requirement.words != EVERYTHING]
 
 
-def _of_scan(config: Config, store: Store) -> list[Asked]:
+def _of_scan(config: Config, store: Store) -> list[Requirement]:
     setup = build_setup(config.radar, config.scene, config.materials, config.trajectory, config.seed, config.contents)
     features, variant = config.features, config.simulator.variant
     families_of(features, motion := setup.measured_motion)
     name = f"scan-{motion}-{config.scene.target}"
-    return _asked(name, lambda count, between: setup.probe(features, variant, count, between), motion, config.scene.target, store)
+    return _requirements(name, lambda count, between: setup.probe(features, variant, count, between), motion, config.scene.target, store)
 
 
-def _asked(name: str, probe_of: ProbeOf, motion: str, thing: str, store: Store) -> list[Asked]:
+def _requirements(name: str, probe_of: ProbeOf, motion: str, thing: str, store: Store) -> list[Requirement]:
     kept, between, limits = Kept(probe_of(None, False), store), Kept(probe_of(None, True), store), Limits.shipped(motion, thing)
-    return [Asked(name, words, kept.asked(f), between.asked(f), limits, probe_of) for words, f in ASKED[motion].items()]
+    return [Requirement(name, words, kept.asked(f), between.asked(f), limits, probe_of) for words, f in ASKED[motion].items()]
 
 
 def staged_case(case: Case, config: Config) -> ProbeOf:
@@ -223,18 +225,19 @@ def staged_case(case: Case, config: Config) -> ProbeOf:
     radar = replace(build_radar(config.radar), frame_rate_hz=nominal.frame_rate_hz)
     room = rooms.room(case.room)
 
-    def some(count: int | None, between: bool) -> Probe:
+    def probe_of(count: int | None, between: bool) -> Probe:
         return thinned(room, kept, radar, nominal.sensor_poses, motion, nominal, (), config.simulator.variant, count, between)
 
-    return some
+    return probe_of
 
 
-def _found(one: Asked, choice: Choice, fixed: Model, seconds: Mapping[Model, list[float]]) -> Found:
+def _case_result(requirement: Requirement, choice: Choice, fixed: Model, seconds: Mapping[Model, list[float]]) -> CaseResult:
     models = {AUTO: choice.model, FIXED: fixed, SHIPPED: DEFAULT}
-    errors, between = ({who: one.error(model, held) for who, model in models.items()} for held in (False, True))
-    layers = one.error(replace(DEFAULT, layered=False))
-    choosing_s = sum(one.kept.cost.get(model, 0.0) for model in {FINEST, *examined(choice)})
-    return Found(one.name, one.words, choice, models, errors, between, layers, {who: seconds[m] for who, m in models.items()}, choosing_s)
+    errors, between = ({who: requirement.error(model, held) for who, model in models.items()} for held in (False, True))
+    layers = requirement.error(replace(DEFAULT, layered=False))
+    choosing_s = sum(requirement.kept.cost.get(model, 0.0) for model in {FINEST, *examined(choice)})
+    by_model = {who: seconds[model] for who, model in models.items()}
+    return CaseResult(requirement.name, requirement.words, choice, models, errors, between, layers, by_model, choosing_s)
 
 
 def examined(choice: Choice) -> Iterable[Model]:

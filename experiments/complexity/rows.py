@@ -38,7 +38,7 @@ WORDS = {True: "yes", False: "no"}
 
 
 @dataclass(frozen=True)
-class Found:
+class CaseResult:
     """The chosen models, errors and run times for one scene, object and feature set."""
 
     name: str  # of the case
@@ -57,28 +57,28 @@ class Found:
         return timing.ratio(self.seconds[FIXED], self.seconds[AUTO])
 
 
-def table(config: Config, found: Sequence[Found], fixed: Choice) -> list[dict[str, Any]]:
+def table(config: Config, results: Sequence[CaseResult], fixed: Choice) -> list[dict[str, Any]]:
     """Return rows with the chosen model, saved run time and held-out feature error of each case, then the claims about all cases."""
     rows = []
-    for one in found:
-        case = {"case": one.name, "features": one.asked} | columns_of(one)
-        ratios = np.array(one.seconds[FIXED]) / np.array(one.seconds[AUTO])
-        rows.append(_row(config, case, SAVED, Estimate(one.saved, float(ratios.min()), float(ratios.max()), len(ratios))))
-        rows.append(_row(config, case, "error between the frames of the choice (limits)", exact(one.between[AUTO][0], 1), SUFFICIENT))
-        if REFLECTOR.object in one.name and "lab" in one.name and one.asked in ROOM_CLAIMS:
-            parts = float(LADDER["parts"].index(one.choice.model.parts))
-            rows.append(_row(config, case, NEEDED, exact(parts, 1), ROOM_CLAIMS[one.asked]))
-    every = {"case": "all", "features": "own sets"} | dict.fromkeys(columns_of(found[0]))
-    own = [one for one in found if one.asked in OWN]
+    for result in results:
+        case = {"case": result.name, "features": result.asked} | columns_of(result)
+        ratios = np.array(result.seconds[FIXED]) / np.array(result.seconds[AUTO])
+        rows.append(_row(config, case, SAVED, Estimate(result.saved, float(ratios.min()), float(ratios.max()), len(ratios))))
+        rows.append(_row(config, case, "error between the frames of the choice (limits)", exact(result.between[AUTO][0], 1), SUFFICIENT))
+        if REFLECTOR.object in result.name and "lab" in result.name and result.asked in ROOM_CLAIMS:
+            parts = float(LADDER["parts"].index(result.choice.model.parts))
+            rows.append(_row(config, case, NEEDED, exact(parts, 1), ROOM_CLAIMS[result.asked]))
+    every = {"case": "all", "features": "own sets"} | dict.fromkeys(columns_of(results[0]))
+    motion_results = [result for result in results if result.asked in OWN]
     claim = Claim(f"auto is at least {CHEAPER:g} times cheaper in the median", bound=CHEAPER, limit=True)
-    rows.append(_row(config, every, f"{SAVED}, median", _median([one.saved for one in own], config), claim))
+    rows.append(_row(config, every, f"{SAVED}, median", _median([result.saved for result in motion_results], config), claim))
     every["features"] = "all sets"
     for who, name in ((SHIPPED, "shipped"), (FIXED, "fixed")):
-        worst = max(found, key=lambda one, who=who: one.between[who][0])
+        worst = max(results, key=lambda result, who=who: result.between[who][0])
         case = every | {"model": worst.models[who].told, "worst feature": worst.between[who][1], "why": _why(fixed) if who == FIXED else ""}
         metric = f"error of the {name} default between the frames of the choice, worst of all (limits)"
-        rows.append(_row(config, case, metric, exact(worst.between[who][0], len(found)), SUFFICIENT))
-    dearer = [timing.ratio(one.seconds[SHIPPED], one.seconds[FIXED]) for one in own]
+        rows.append(_row(config, case, metric, exact(worst.between[who][0], len(results)), SUFFICIENT))
+    dearer = [timing.ratio(result.seconds[SHIPPED], result.seconds[FIXED]) for result in motion_results]
     text = "no setting known to be sufficient for all cases is more than 10 % cheaper than the shipped default"
     claim = Claim(text, bound=1.1, direction=BELOW, limit=True)
     case = every | {"model": fixed.model.told}
@@ -93,17 +93,18 @@ ROOM_CLAIMS = {
 }
 
 
-def columns_of(one: Found) -> dict[str, Any]:
+def columns_of(result: CaseResult) -> dict[str, Any]:
     """Return the table columns that describe a case: its models, feature errors, run times, and the reasons for the choice."""
-    model = one.choice.model
-    auto_s, fixed_s, shipped_s = (float(np.median(one.seconds[who])) for who in (AUTO, FIXED, SHIPPED))
+    model = result.choice.model
+    auto_s, fixed_s, shipped_s = (float(np.median(result.seconds[who])) for who in (AUTO, FIXED, SHIPPED))
     return {
         "model": model.told, **{name: getattr(model, name) for name in LADDER},
-        "error (limits)": one.errors[AUTO][0], "worst feature": one.errors[AUTO][1], "between": one.between[AUTO][0],
-        "without layers": one.layers[0], "fixed default": one.models[FIXED].told, "fixed, between": one.between[FIXED][0],
-        "shipped, between": one.between[SHIPPED][0], "auto (s/frame)": auto_s, "fixed (s/frame)": fixed_s, "shipped (s/frame)": shipped_s,
-        "choosing (s)": one.choosing_s, "pays after (frames)": one.choosing_s / (fixed_s - auto_s) if fixed_s > auto_s else None,
-        "why": _why(one.choice),
+        "error (limits)": result.errors[AUTO][0], "worst feature": result.errors[AUTO][1], "between": result.between[AUTO][0],
+        "without layers": result.layers[0], "fixed default": result.models[FIXED].told, "fixed, between": result.between[FIXED][0],
+        "shipped, between": result.between[SHIPPED][0], "auto (s/frame)": auto_s, "fixed (s/frame)": fixed_s,
+        "shipped (s/frame)": shipped_s, "choosing (s)": result.choosing_s,
+        "pays after (frames)": result.choosing_s / (fixed_s - auto_s) if fixed_s > auto_s else None,
+        "why": _why(result.choice),
     }  # fmt: skip
 
 
@@ -121,8 +122,8 @@ def _median(values: Sequence[float], config: Config) -> Estimate:
     return bootstrap(partial(np.median, axis=-1), config.profile.resamples, config.seed, np.array(values))
 
 
-def _row(config: Config, case: Mapping[str, Any], metric: str, found: Estimate, claim: Claim = NONE) -> dict[str, Any]:
-    return row(config, case, metric, found, [], claim) | {"domain": "this tracer, finest"}
+def _row(config: Config, case: Mapping[str, Any], metric: str, estimate: Estimate, claim: Claim = NONE) -> dict[str, Any]:
+    return row(config, case, metric, estimate, [], claim) | {"domain": "this tracer, finest"}
 
 
 def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:

@@ -98,14 +98,14 @@ class Twin:
 
 def identity() -> dict[str, Any]:
     """Return additions to the run key: the configurations of the fidelity tables, and the machine."""
-    return {"tables": {_name(module): semantic(_own(module)) for module in FIDELITY}, "machine": machine()}
+    return {"tables": {_name(module): semantic(_config_of(module)) for module in FIDELITY}, "machine": machine()}
 
 
 def _name(module: ModuleType) -> str:
     return module.__name__.rpartition(".")[2]
 
 
-def _own(module: ModuleType) -> Config:
+def _config_of(module: ModuleType) -> Config:
     return compose([f"experiment={_name(module)}"])
 
 
@@ -126,7 +126,12 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         twins[setting.name] = read(Campaign(changed, store, progress), changed, progress)
     rows = table(config, twins)
     metrics = {f"feature_error_{r['motion']}_{r['setting'].replace(' ', '_')}": r["value"] for r in rows if r["metric"] == ERROR}
-    keys = {key for twin in twins.values() for some in [twin.recordings.key, *(of for _, of in twin.figures.values())] for key in some}
+    keys = {
+        key
+        for twin in twins.values()
+        for recording_keys in [twin.recordings.key, *(of for _, of in twin.figures.values())]
+        for key in recording_keys
+    }
     return Result(TABLE.name, rows, {"sensitivity": lambda: chart(rows)}, metrics, sorted(keys))
 
 
@@ -140,9 +145,9 @@ def read(campaign: Campaign, config: Config, progress: Progress) -> Twin:
     """Return features and run times of the simulated recordings, and the results of the fidelity tables, under one setting."""
     import pandas as pd
 
-    cases = {motion: some for motion in FEATURES if len(some := campaign.cases("twin", motion=motion)) >= MIN_RECORDINGS}
-    campaign.prepare([("twin", case) for some in cases.values() for case in some])
-    made = [_one(campaign, case) for motion, some in cases.items() for case in progress.over(some, motion)]
+    cases = {motion: of_motion for motion in FEATURES if len(of_motion := campaign.cases("twin", motion=motion)) >= MIN_RECORDINGS}
+    campaign.prepare([("twin", case) for of_motion in cases.values() for case in of_motion])
+    made = [_recording_columns(campaign, case) for motion, of_motion in cases.items() for case in progress.over(of_motion, motion)]
     columns = ("motion", "key", "features", "frame_s", "setups", "frames")
     return Twin(pd.DataFrame(made, columns=columns), dict(fidelity(campaign, config, progress)))
 
@@ -155,8 +160,8 @@ def fidelity(campaign: Campaign, config: Config, progress: Progress) -> Iterator
         }
         quick = {"ripple": False} if module is turntable_shape else {}
         try:
-            own = replace(_own(module), **same)
-            result = module.score(own, _frame(module, own, campaign, progress), **quick)
+            table_config = replace(_config_of(module), **same)
+            result = module.score(table_config, _frame(module, table_config, campaign, progress), **quick)
         except InputError as error:  # the campaign lacks the motion, or has too few objects
             progress.say(f"sensitivity: leaves out the table {_name(module)}: {error}")
             continue
@@ -171,7 +176,7 @@ def _frame(module: ModuleType, config: Config, campaign: Campaign, progress: Pro
     return read.assign(draw=0)
 
 
-def _one(campaign: Campaign, case: Case) -> tuple[str, str, np.ndarray, float, int, int]:
+def _recording_columns(campaign: Campaign, case: Case) -> tuple[str, str, np.ndarray, float, int, int]:
     """Return the columns of a simulated recording in `Twin.recordings`."""
     key, processed = campaign.processed("twin", case)
     made = campaign.clean("twin", case).read_json("meta")
@@ -189,11 +194,11 @@ def table(config: Config, twins: Mapping[str, Twin]) -> list[dict[str, Any]]:
     seeds = config.profile.resamples, config.seed
     rows = []
     for name, twin in twins.items():
-        for motion, some in twin.recordings.groupby("motion", sort=False):
+        for motion, of_motion in twin.recordings.groupby("motion", sort=False):
             case = {"setting": name, "table": "", "motion": motion, "change": None}
-            error = feature_error(*(np.stack(list(one.features)) for one in (some, finest[motion])))
-            rows.append(row(config, case, ERROR, statistics.mean(error, *seeds), {*some.key, *finest[motion].key}))
-            plain, others = some[some.setups == 0], some[some.setups > 0]
+            error = feature_error(*(np.stack(list(recordings.features)) for recordings in (of_motion, finest[motion])))
+            rows.append(row(config, case, ERROR, statistics.mean(error, *seeds), {*of_motion.key, *finest[motion].key}))
+            plain, others = of_motion[of_motion.setups == 0], of_motion[of_motion.setups > 0]
             if len(plain):
                 rows.append(row(config, case, COST, statistics.mean(1e3 * plain.frame_s, *seeds), plain.key))
                 if len(others):
@@ -223,7 +228,7 @@ def chart(rows: Sequence[dict[str, Any]]) -> Figure:
     """
     motions = list(dict.fromkeys(r["motion"] for r in rows if r["metric"] == ERROR))
     drawing, panels = figure(1, len(motions), width_in=PAGE_WIDTH_IN, height_in=3.2, sharey=True, squeeze=False)
-    names = [one.name for one in SETTINGS if one.name != FINEST]
+    names = [setting.name for setting in SETTINGS if setting.name != FINEST]
     marks = "osD^v<>PX*"
 
     def value(name: str, motion: str, metric: str) -> float | None:

@@ -43,11 +43,11 @@ def seconds(probe_of: Callable[[int | None, bool], Probe], models: Sequence[Mode
         for model in ordered:
             first.record(model)
         few.record(DEFAULT)  # allocates memory that later recordings reuse, so that no model's time includes this allocation
-        found = [[_once(few, many, model) for model in ordered] for _ in range(rounds)]
-        save_json(folder, "seconds", found)
+        times_s = [[_once(few, many, model) for model in ordered] for _ in range(rounds)]
+        save_json(folder, "seconds", times_s)
 
-    found = store.fetch("timing", spec, ROOTS, build).read_json("seconds")
-    return {model: [each[number] for each in found] for number, model in enumerate(ordered)}
+    times_s = store.fetch("timing", spec, ROOTS, build).read_json("seconds")
+    return {model: [each[number] for each in times_s] for number, model in enumerate(ordered)}
 
 
 def _once(few: Probe, many: Probe, model: Model) -> float:
@@ -67,6 +67,6 @@ def _clocked(probe: Probe, model: Model) -> float:
     return clock() - began
 
 
-def ratio(one: Sequence[float], other: Sequence[float]) -> float:
-    """Return the run time of model `one` divided by that of model `other`, as the median over rounds."""
-    return float(np.median(np.array(one) / np.array(other)))
+def ratio(first: Sequence[float], second: Sequence[float]) -> float:
+    """Return the run time of the `first` model divided by that of the `second`, as the median over rounds."""
+    return float(np.median(np.array(first) / np.array(second)))

@@ -133,35 +133,35 @@ def read(key: str, processed: Processed, log: Log) -> Reading:
     )
 
 
-def moved(one: Reading, base: Reading) -> dict[str, float]:
-    """Return the effect of a gap on each feature: the value in `one` minus that in `base`, or for profiles the correlation of both.
+def moved(reading: Reading, base: Reading) -> dict[str, float]:
+    """Return the effect of a gap on each feature: its value in `reading` minus that in `base`, or for profiles the correlation of both.
 
     Differences of the tracked range are weighted by the energy in `base`, because the range of a weak target's peak jumps. The change of
-    the complex signal is |one - base| / |base| in decibels.
+    the complex signal is |reading - base| / |base| in decibels.
     """
     return {
-        "target brightness (dB)": one.brightness_db - base.brightness_db,
-        "room level (dB)": one.room_db - base.room_db,
-        "multipath share": one.multipath - base.multipath,
-        "angular harmonic ratio": one.harmonic_ratio - base.harmonic_ratio,
-        "profile correlation": profile_correlation(one.profile, base.profile, base.range_m, "db"),
-        "track rms (mm)": 1e3 * float(np.sqrt(np.average((one.track_m - base.track_m) ** 2, weights=base.energy))),
-        "target change (dB)": change_db(one, base, base.target),
-        "room change (dB)": change_db(one, base, base.room),
+        "target brightness (dB)": reading.brightness_db - base.brightness_db,
+        "room level (dB)": reading.room_db - base.room_db,
+        "multipath share": reading.multipath - base.multipath,
+        "angular harmonic ratio": reading.harmonic_ratio - base.harmonic_ratio,
+        "profile correlation": profile_correlation(reading.profile, base.profile, base.range_m, "db"),
+        "track rms (mm)": 1e3 * float(np.sqrt(np.average((reading.track_m - base.track_m) ** 2, weights=base.energy))),
+        "target change (dB)": change_db(reading, base, base.target),
+        "room change (dB)": change_db(reading, base, base.room),
     }
 
 
-def change_db(one: Reading, base: Reading, chosen: NDArray[np.bool_]) -> float:
-    """Return the relative change |one - base| / |base| of the complex signals in the cells of a mask (F, B), in decibels."""
-    where = chosen[:, None]
-    difference = np.sum(np.abs(one.channels - base.channels) ** 2, where=where, dtype=np.float64)
+def change_db(reading: Reading, base: Reading, mask: NDArray[np.bool_]) -> float:
+    """Return the relative change |reading - base| / |base| of the complex signals in the cells of a mask (F, B), in decibels."""
+    where = mask[:, None]
+    difference = np.sum(np.abs(reading.channels - base.channels) ** 2, where=where, dtype=np.float64)
     return decibels(float(difference / np.sum(np.abs(base.channels) ** 2, where=where, dtype=np.float64)))
 
 
-def profile_difference_db(one: Reading, base: Reading) -> float:
+def profile_difference_db(reading: Reading, base: Reading) -> float:
     """Return the rms difference of the two mean range profiles in decibels, over bins within SPAN_DB of the strongest bin of `base`."""
     strong = base.profile >= base.profile.max() * 10 ** (-SPAN_DB / 10)
-    return float(np.sqrt(np.mean((10 * np.log10(one.profile[strong] / base.profile[strong])) ** 2)))
+    return float(np.sqrt(np.mean((10 * np.log10(reading.profile[strong] / base.profile[strong])) ** 2)))
 
 
 def decibels(power: float) -> float:

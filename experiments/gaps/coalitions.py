@@ -82,8 +82,8 @@ def side(domain: str, on: Coalition) -> Coalition:
 class Sides:
     """Simulate the recordings of the sides that coalitions need, and compute their features; each side is read once."""
 
-    def __init__(self, config: Config, store: Store, progress: Progress, some: Sequence[Case]):
-        self.config, self.store, self.progress, self.cases = config, store, progress, list(some)
+    def __init__(self, config: Config, store: Store, progress: Progress, recorded: Sequence[Case]):
+        self.config, self.store, self.progress, self.cases = config, store, progress, list(recorded)
         self._read: dict[Side, Frame] = {}
 
     def prepare(self, sets_of_gaps: Iterable[Coalition]) -> None:
@@ -95,11 +95,11 @@ class Sides:
         for domain, on in self.progress.over(ordered, "sides"):
             self.read(domain, on)
 
-    def missing(self, some: Iterable[Side]) -> dict[str, RecordingTask]:
+    def missing(self, sides: Iterable[Side]) -> dict[str, RecordingTask]:
         """Return {store key: task} of the missing recordings of these sides (domains with their gaps)."""
         return joined(
             self._campaign(on, case).missing([(domain, case)], clean=not _received(domain, on), setup=_setup(domain, _switched(on, case)))
-            for domain, on in some
+            for domain, on in sides
             for case in self.cases
         )
 
@@ -152,7 +152,7 @@ class Sides:
 def sides_of(sets_of_gaps: Iterable[Coalition]) -> list[Side]:
     """Return the sides (measured or simulated recordings with their gaps) of these coalitions. Sides of one room set-up are adjacent."""
     wanted = {(domain, side(domain, on)) for on in sets_of_gaps for domain in ("twin", "measured")}
-    return sorted(wanted, key=lambda one: (one[0], _setup(*one), sorted(one[1])))
+    return sorted(wanted, key=lambda pair: (pair[0], _setup(*pair), sorted(pair[1])))
 
 
 def _switched(on: Coalition, case: Case) -> Coalition:
@@ -183,19 +183,19 @@ def losses(config: Config, sides: Sides, sets_of_gaps: Iterable[Coalition]) -> L
     ideal = np.stack(list(sides.read("twin", frozenset()).vector))
     spread = ideal.std(axis=0)
     varies = spread > 1e-9 * np.abs(ideal).max(axis=0, initial=0.0)
-    found: Losses = {score: {} for score in SCORES}
+    by_score: Losses = {score: {} for score in SCORES}
     for on in wanted:
         twin, measured = (sides.read(domain, side(domain, on)) for domain in ("twin", "measured"))
         difference = np.stack(list(twin.vector - measured.vector))[:, varies] / spread[varies]
-        found[ERROR][on] = np.sqrt((difference**2).mean(axis=1))
+        by_score[ERROR][on] = np.sqrt((difference**2).mean(axis=1))
         pairs = zip(twin.profile, measured.profile, twin.range_m, strict=True)
-        found[PROFILE][on] = np.array([1 - profile_correlation(*pair, "db") for pair in pairs])
+        by_score[PROFILE][on] = np.array([1 - profile_correlation(*pair, "db") for pair in pairs])
     for learned in dict.fromkeys(side("twin", on) for on in wanted):
         scored = [on for on in wanted if side("twin", on) == learned]
         measured = {on: readings.frames(sides.read("measured", side("measured", on))) for on in scored}
         for on, share in recognised_shares(config, readings.frames(sides.read("twin", learned)), measured).items():
-            found[RECOGNITION][on] = 1 - share
-    return found
+            by_score[RECOGNITION][on] = 1 - share
+    return by_score
 
 
 def recognised_shares(config: Config, simulated: Samples, measured: Mapping[Coalition, Samples]) -> dict[Coalition, NDArray[np.float64]]:

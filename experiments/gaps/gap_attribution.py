@@ -78,13 +78,13 @@ class Plan:
         """Return {name: gaps} of the sets of gaps that the rows "alone" and "left out" switch together. These are the groups and, with
         `singly`, each gap of a larger group.
         """
-        single = {gap: frozenset((gap,)) for gaps in self.groups.values() if self.singly and len(gaps) > 1 for gap in gaps}
-        return {name: frozenset(gaps) for name, gaps in self.groups.items()} | {f"{gap} only": one for gap, one in single.items()}
+        single = {f"{gap} only": frozenset((gap,)) for gaps in self.groups.values() if self.singly and len(gaps) > 1 for gap in gaps}
+        return {name: frozenset(gaps) for name, gaps in self.groups.items()} | single
 
     def needed(self) -> list[Coalition]:
         """Return every set of gaps for which the attribution needs the losses."""
-        sets = [self.on(some) for some in shapley.coalitions(tuple(self.groups))]
-        sets += [part for one in self.switched().values() for part in (one, self.everything - one)]
+        sets = [self.on(names) for names in shapley.coalitions(tuple(self.groups))]
+        sets += [part for coalition in self.switched().values() for part in (coalition, self.everything - coalition)]
         return list(dict.fromkeys(sets))
 
 
@@ -132,9 +132,9 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     check(config)
     plan = plan_of(config)
     sides = Sides(config, store, progress, cases(plan.objects))
-    found = losses(config, sides, plan.needed())
+    by_score = losses(config, sides, plan.needed())
     filled = np.array([catalogue()[case.object].contents is not None for case in sides.cases])
-    rows = table(config, plan, found, filled, sides.keys)
+    rows = table(config, plan, by_score, filled, sides.keys)
     metrics = {f"share_{r['score']}_{r['gap']}".replace(" ", "_"): r["value"] for r in rows if (r["metric"], r["objects"]) == (SHARE, ALL)}
     return Result(TABLE.name, rows, {TABLE.name: lambda: chart(rows, tuple(plan.groups))}, metrics, sides.keys)
 
@@ -158,7 +158,7 @@ def check(config: Config) -> None:
         )
 
 
-def table(config: Config, plan: Plan, found: Losses, filled: NDArray[np.bool_], keys: Sequence[str]) -> list[Row]:
+def table(config: Config, plan: Plan, by_score: Losses, filled: NDArray[np.bool_], keys: Sequence[str]) -> list[Row]:
     """Build the table rows of each loss: the loss without gaps, the loss with all gaps, and three rows for each gap.
 
     The three rows of a gap are its loss alone, its loss if left out, and its share. The table has these rows once for all objects and once
@@ -166,9 +166,9 @@ def table(config: Config, plan: Plan, found: Losses, filled: NDArray[np.bool_], 
     """
     rows = RowList(config)
     for score in SCORES:
-        for objects, chosen in ((ALL, np.ones_like(filled)), (FILLED, filled)):
-            if chosen.any() and not (objects == FILLED and score == RECOGNITION):
-                value = {on: loss[chosen] for on, loss in found[score].items()}
+        for objects, mask in ((ALL, np.ones_like(filled)), (FILLED, filled)):
+            if mask.any() and not (objects == FILLED and score == RECOGNITION):
+                value = {on: loss[mask] for on, loss in by_score[score].items()}
                 _add_rows(rows, plan, score, objects, value, keys)
     return rows
 
@@ -184,11 +184,11 @@ def _add_rows(
 
     add("none", "loss", value[frozenset()])
     add("all", "loss", value[plan.everything])
-    for gap, one in plan.switched().items():
-        add(gap, ALONE, shapley.alone(value, one))
-        add(gap, LEFT_OUT, shapley.left_out(value, one, plan.everything))
+    for gap, coalition in plan.switched().items():
+        add(gap, ALONE, shapley.alone(value, coalition))
+        add(gap, LEFT_OUT, shapley.left_out(value, coalition, plan.everything))
     groups = tuple(plan.groups)
-    shared = shapley.shares(groups, {some: value[plan.on(some)] for some in shapley.coalitions(groups)})
+    shared = shapley.shares(groups, {names: value[plan.on(names)] for names in shapley.coalitions(groups)})
     for gap, samples in shared.items():
         add(gap, SHARE, samples)
     if objects == ALL:

@@ -85,9 +85,9 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     moves = []
     for gap, strength, draw in progress.over(steps, "gaps"):
         domain, reference = ("twin", exact) if gap == "geometry" else ("measured", base)
-        for case, one in recorded(domain, gap, strength, draw).items():
-            at = {"gap": gap, "strength": strength, "draw": draw, "case": case, "key": [one.key, reference[case].key]}
-            moves.append({**at, **_moved(gap, one, reference[case])})
+        for case, reading in recorded(domain, gap, strength, draw).items():
+            at = {"gap": gap, "strength": strength, "draw": draw, "case": case, "key": [reading.key, reference[case].key]}
+            moves.append({**at, **_moved(gap, reading, reference[case])})
     frame = pd.DataFrame(moves)
     rows = [cell.row(config) for cell in agreement(base, exact, frame[frame.gap == "solver"].set_index("case"))]
     for case, turns in INTERPOLATED.get(config.profile.name, ()):
@@ -95,7 +95,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         rows.append(interpolated(case, base[case], blended).row(config))
     for row in rows:
         row["draws"] = 1
-    rows += joined_rows([cell.row(config) for cell in cells(config, one)] for _, one in frame.groupby("draw"))
+    rows += joined_rows([cell.row(config) for cell in cells(config, draw_frame)] for _, draw_frame in frame.groupby("draw"))
     metrics = {
         f"{r['gap']}_{r['strength']:g}_{r['cases']}_room_change_dB": r["value"]
         for r in rows
@@ -111,11 +111,11 @@ def check(config: Config) -> None:
         raise ConfigError(f"experiment=gaps gives the twin the true materials itself; leave materials={config.materials.source} out")
 
 
-def _moved(gap: str, one: Reading, base: Reading) -> dict[str, float]:
-    found = case_set.moved(one, base)
+def _moved(gap: str, reading: Reading, base: Reading) -> dict[str, float]:
+    changes = case_set.moved(reading, base)
     if gap == "hardware":  # only the hardware gap adds noise and leakage
-        found |= {"noise floor (dB)": one.noise_db, "level at zero range, risen by (dB)": one.zero_db - base.zero_db}
-    return found
+        changes |= {"noise floor (dB)": reading.noise_db, "level at zero range, risen by (dB)": reading.zero_db - base.zero_db}
+    return changes
 
 
 def agreement(base: Mapping[Case, Reading], exact: Mapping[Case, Reading], solver: Frame) -> Iterator[Cell]:
@@ -124,12 +124,12 @@ def agreement(base: Mapping[Case, Reading], exact: Mapping[Case, Reading], solve
     The claim of such a cell is that this difference is smaller than the change that finer ray tracing causes (`solver`, by case).
     """
     for case in CASES:
-        found = case_set.moved(exact[case], base[case])
+        changes = case_set.moved(exact[case], base[case])
         of = pd.DataFrame({"key": [base[case].key, exact[case].key]})
         for feature in ("target change (dB)", "room change (dB)"):
-            own = float(solver.loc[case, feature])
-            claim = Claim(f"less than the solver's own error, {own:.1f} dB", bound=own, direction=BELOW, least=1)
-            yield _cell(("none", 0.0, case.name), feature, of, [found[feature]], claim)
+            solver_db = float(solver.loc[case, feature])
+            claim = Claim(f"less than the solver's own error, {solver_db:.1f} dB", bound=solver_db, direction=BELOW, least=1)
+            yield _cell(("none", 0.0, case.name), feature, of, [changes[feature]], claim)
         difference = case_set.profile_difference_db(exact[case], base[case])
         yield _cell(("none", 0.0, case.name), "mean range profile, rms difference (dB)", of, [difference])
 
@@ -147,14 +147,14 @@ def cells(config: Config, frame: Frame) -> Iterator[Cell]:
     A row of the frame has the changes of the features of one `case` by a `gap` at a `strength`, with the store keys `key`.
     """
     sources = config.measured.gap.sources()
-    for (gap, strength), some in frame.groupby(["gap", "strength"], sort=False):
-        claims, by_case = {(group, feature): claim for group, feature, claim in expected(gap, strength)}, some.set_index("case")
-        wanted = [(group, feature) for group in SHOWN for feature in some if feature not in CONDITIONS]
+    for (gap, strength), changes in frame.groupby(["gap", "strength"], sort=False):
+        claims, by_case = {(group, feature): claim for group, feature, claim in expected(gap, strength)}, changes.set_index("case")
+        wanted = [(group, feature) for group in SHOWN for feature in changes if feature not in CONDITIONS]
         for group, feature in dict.fromkeys((*wanted, *claims)):
             values = by_case.loc[list(GROUPS[group]), feature].to_numpy()
             if np.isfinite(values).all():
                 where, claim = (gap, strength, group), claims.get((group, feature), NONE)
-                yield _cell(where, feature, some.explode("key"), values, claim, sources.get(gap, ""))
+                yield _cell(where, feature, changes.explode("key"), values, claim, sources.get(gap, ""))
 
 
 def _cell(

@@ -208,7 +208,7 @@ def strengths(config: Config) -> list[float]:
     """Return the strengths of the profile, with NOMINAL first. Measurements from a recording set have the strength NOMINAL only."""
     if config.measured.provider != "testbed":
         return [NOMINAL]
-    return [NOMINAL, *(one for one in config.profile.strengths if one != NOMINAL)]
+    return [NOMINAL, *(strength for strength in config.profile.strengths if strength != NOMINAL)]
 
 
 def compared(config: Config) -> Config:
@@ -232,47 +232,47 @@ def tables(config: Config) -> dict[tuple[float | str, str], Config]:
     """
     planned(config.profile.campaign, measured=True)
     planned(config.profile.strength_campaign, measured=True)
-    found: dict[tuple[float | str, str], Config] = {(WHOLE, name): at_strength(config, name, NOMINAL) for name in SOURCES}
+    configs: dict[tuple[float | str, str], Config] = {(WHOLE, name): at_strength(config, name, NOMINAL) for name in SOURCES}
     several = strengths(config)
     if len(several) > 1:
         few = compared(config)
-        found |= {(strength, name): at_strength(few, name, strength) for strength in several for name in SOURCES}
-    return found
+        configs |= {(strength, name): at_strength(few, name, strength) for strength in several for name in SOURCES}
+    return configs
 
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
     """Return the recordings that the store lacks, at all strengths, for those tables that have a function `recordings`."""
     listed = {name: module.recordings for name, module in SOURCES.items() if hasattr(module, "recordings")}
-    return joined([listed[name](own, store, progress) for (_, name), own in tables(config).items() if name in listed])
+    return joined([listed[name](table_config, store, progress) for (_, name), table_config in tables(config).items() if name in listed])
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, lambda own: run_experiment(own, progress=progress)[0])
+    return score(config, lambda table_config: run_experiment(table_config, progress=progress)[0])
 
 
 def score(config: Config, computed: Callable[[Config], Result]) -> Result:
     """Build one row for each claim whose table has a row for it; `computed` returns the result of a configured table."""
-    found: dict[tuple[float | str, str], Rows] = {}
+    rows_of: dict[tuple[float | str, str], Rows] = {}
     known: dict[str, Result] = {}
-    for (strength, name), own in tables(config).items():
-        key = run_key(own)
+    for (strength, name), table_config in tables(config).items():
+        key = run_key(table_config)
         if key not in known:
-            known[key] = computed(own)
-        found[strength, name] = known[key].rows
+            known[key] = computed(table_config)
+        rows_of[strength, name] = known[key].rows
     rows: list[dict[str, Any]] = []
-    several = sorted({strength for strength, _ in found} - {WHOLE})
+    several = sorted({strength for strength, _ in rows_of} - {WHOLE})
     for headline in HEADLINES:
-        listed = found[WHOLE, headline.table]
+        listed = rows_of[WHOLE, headline.table]
         if headline.unless and any(_has(row, headline.unless) for row in listed):
             continue
         nominal = _row(listed, headline)
         if nominal is None:
             continue
-        at = {strength: _row(found[strength, headline.table], headline) for strength in several}
-        verdicts = {None if one is None else one["verdict"] for one in at.values()}
+        at = {strength: _row(rows_of[strength, headline.table], headline) for strength in several}
+        verdicts = {None if row is None else row["verdict"] for row in at.values()}
         case = {
             "claim of the paper": headline.text, "source": headline.source, "table": headline.table,
-            **{f"strength {strength:g}": _told(one) for strength, one in at.items()},
+            **{f"strength {strength:g}": _told(row) for strength, row in at.items()},
             "over all strengths": NOT_COMPARED if not verdicts or None in verdicts else DEPENDS if len(verdicts) > 1 else AGREES,
             "evidence": evidence(config, headline.table in DRIVES),
         }  # fmt: skip

@@ -36,16 +36,16 @@ RULE = "Holm over the claims of the family, at 0.95"
 def claims() -> list[dict[str, Any]]:
     """Return the claims of the headline that this testbed can decide, as they are registered."""
     out = []
-    for one in HEADLINES:
-        claim, (test, unit) = one.claim, one.test
-        if claim.untestable or one.unless:
+    for headline in HEADLINES:
+        claim, (test, unit) = headline.claim, headline.test
+        if claim.untestable or headline.unless:
             continue
         bound = CHANCE if claim.bound is None and claim.null is None else claim.null if claim.bound is None else claim.bound
         null = bound if claim.null is None else claim.null
-        drawn = REGISTERED[one.table in DRIVES]
+        drawn = REGISTERED[headline.table in DRIVES]
         rule = {"bound": bound, "direction": claim.direction, "null": null, "margin": claim.margin, "test": test, "unit": unit}
-        at = {"table": one.table, "metric": one.metric, "where": dict(one.where), "draws": [drawn[0], drawn[-1]]}
-        out.append({TEXT: one.text, **at, **rule, "family": PRIMARY, "level": RULE})
+        at = {"table": headline.table, "metric": headline.metric, "where": dict(headline.where), "draws": [drawn[0], drawn[-1]]}
+        out.append({TEXT: headline.text, **at, **rule, "family": PRIMARY, "level": RULE})
     return out
 
 

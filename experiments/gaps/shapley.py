@@ -22,7 +22,7 @@ Game = Mapping[Coalition, NDArray[np.float64]]
 
 def coalitions(players: Sequence[str]) -> Iterator[Coalition]:
     """Yield all 2^n coalitions (sets) of n players; small coalitions come first."""
-    return (frozenset(some) for size in range(len(players) + 1) for some in combinations(players, size))
+    return (frozenset(members) for size in range(len(players) + 1) for members in combinations(players, size))
 
 
 def shares(players: Sequence[str], value: Game) -> dict[str, NDArray[np.float64]]:
@@ -38,15 +38,15 @@ def shares(players: Sequence[str], value: Game) -> dict[str, NDArray[np.float64]
     {'left': 0.667, 'right': 0.167, 'other right': 0.167}
     """
     count = len(players)
-    found = {}
+    by_player = {}
     for player in players:
-        others = [one for one in players if one != player]
+        others = [other for other in players if other != player]
         parts = []
         for before in coalitions(others):
             weight = factorial(len(before)) * factorial(count - len(before) - 1) / factorial(count)
             parts.append(weight * (value[before | {player}] - value[before]))
-        found[player] = np.sum(parts, axis=0)
-    return found
+        by_player[player] = np.sum(parts, axis=0)
+    return by_player
 
 
 def alone(value: Game, player: Coalition) -> NDArray[np.float64]:

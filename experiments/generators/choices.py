@@ -60,8 +60,8 @@ class Selection(Campaign):
     """The campaign of the twin, with the measured recordings of the draw DRAW."""
 
     def cases(self, domain: str, **conditions: Any) -> list[Case]:
-        found = super().cases(domain, **conditions)
-        return [replace(case, draw=DRAW) for case in found] if domain == MEASURED else found
+        cases = super().cases(domain, **conditions)
+        return [replace(case, draw=DRAW) for case in cases] if domain == MEASURED else cases
 
 
 def selection(config: Config, store: Store, progress: Progress) -> Selection:
@@ -85,68 +85,68 @@ def scores(config: Config, store: Store, progress: Progress) -> list[dict[str, A
     frame = stored(source, shared(source, (MOTION,), several=True), progress)
     measured: dict[Reads, Samples] = {"features": scaled(revolutions(frame)), "pictures": revolutions(frame, "pictures")}
     features = measured["features"]
-    found = [{"copies": "", "method": RAW} | _probed([features] * len(seeds(config)), features)]
+    rows = [{"copies": "", "method": RAW} | _probed([features] * len(seeds(config)), features)]
     for kind, left_out in progress.over(list(COPIES.items()), "copies"):
         features_, pictures = (copies(store, {"": source}, copied_as(config, left_out), frame, kind) for kind in ("features", "pictures"))
         simulated: dict[Reads, Samples] = {"features": scaled(features_), "pictures": pictures}
         for method in METHODS:
             if kind == ALL or method in (NETWORK, TREES):
-                found.append({"copies": kind, "method": method} | _scored(config, method, simulated, measured))
+                rows.append({"copies": kind, "method": method} | _scored(config, method, simulated, measured))
         if kind == ALL:
-            found += [{"copies": ALL, "labelled share": share} | _joint(config, share, simulated["features"], features) for share in SHARES]
-    return found
+            rows += [{"copies": ALL, "labelled share": share} | _joint(config, share, simulated["features"], features) for share in SHARES]
+    return rows
 
 
-def chosen(found: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+def selected(rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     """Return the chosen kind of copies, and the chosen method for each of the two accuracies CHOSEN_BY.
 
     The network has the highest mean of both accuracies with the chosen kind of copies. With these copies, each chosen method has the
     highest value of its accuracy.
     """
-    network = {row["copies"]: float(np.mean([row[probe] for probe in CHOSEN_BY])) for row in found if row.get("method") == NETWORK}
+    network = {row["copies"]: float(np.mean([row[probe] for probe in CHOSEN_BY])) for row in rows if row.get("method") == NETWORK}
     kind = max(network, key=lambda name: network[name])
-    trained = [row for row in found if row["copies"] == kind and "method" in row]
+    trained = [row for row in rows if row["copies"] == kind and "method" in row]
     return {"copies": kind} | {probe: max(trained, key=lambda row: row[probe])["method"] for probe in CHOSEN_BY}
 
 
-def chosen_share(found: Sequence[Mapping[str, Any]]) -> float:
+def chosen_share(rows: Sequence[Mapping[str, Any]]) -> float:
     """Return the share of labelled training rows with the highest mean accuracy over all numbers of labels. If several shares are equal in
     accuracy, the smallest is returned.
     """
-    rows = [row for row in found if "labelled share" in row]
-    return max(rows, key=lambda row: round(float(np.mean([row[f"{shots} labels per class"] for shots in SHOTS])), 2))["labelled share"]
+    of_shares = [row for row in rows if "labelled share" in row]
+    return max(of_shares, key=lambda row: round(float(np.mean([row[f"{shots} labels per class"] for shots in SHOTS])), 2))["labelled share"]
 
 
 def _scored(config: Config, method: str, copies: Mapping[Reads, Samples], measured: Mapping[Reads, Samples]) -> dict[str, float]:
     rows, features = measured[LEARNERS[METHODS[method][0]].reads], measured["features"]
     fitted = fit_method(config, method, copies, measured)
-    named_ = float(np.mean([one.predict(rows.unlabelled()) == features.label for one in fitted]))
-    embedded = [one.embedded(rows) for one in fitted]
+    named_ = float(np.mean([model.predict(rows.unlabelled()) == features.label for model in fitted]))
+    embedded = [model.embedded(rows) for model in fitted]
     return {"no labels": round(named_, 3)} | _probed([embedded[min(k, len(embedded) - 1)] for k in range(len(seeds(config)))], features)
 
 
 def _joint(config: Config, share: float, simulated: Samples, truth: Samples) -> dict[str, float]:
     """Return the accuracies of the network that is trained on simulated rows and, as this share of all rows, on labelled measured rows."""
-    found = {}
+    accuracies = {}
     for shots in SHOTS:
         hits = []
         for seed in seeds(config):
             known, rest = draw_shots(truth, shots, seed)
-            own = fit_with_labels(config, simulated, known, rest, seed, share)
-            hits.append(float(np.mean(nearest_centroid(own.embedded(known), own.embedded(rest)) == rest.label)))
-        found[f"{shots} labels per class"] = round(float(np.mean(hits)), 3)
-    return found
+            network = fit_with_labels(config, simulated, known, rest, seed, share)
+            hits.append(float(np.mean(nearest_centroid(network.embedded(known), network.embedded(rest)) == rest.label)))
+        accuracies[f"{shots} labels per class"] = round(float(np.mean(hits)), 3)
+    return accuracies
 
 
 def _probed(embedded: list[Samples], truth: Samples) -> dict[str, float]:
-    found = {"other recordings": float(np.mean([leave_one_out_centroid(one, one.source) == truth.label for one in embedded]))}
+    accuracies = {"other recordings": float(np.mean([leave_one_out_centroid(space, space.source) == truth.label for space in embedded]))}
     for shots in SHOTS:
         hits = []
-        for seed, one in enumerate(embedded):
-            known, rest = (np.isin(truth.recording, some.recording) for some in draw_shots(truth, shots, seed))
-            hits.append(float(np.mean(nearest_centroid(one.take(known), one.take(rest)) == truth.label[rest])))
-        found[f"{shots} labels per class"] = float(np.mean(hits))
-    return {probe: round(value, 3) for probe, value in found.items()}
+        for seed, space in enumerate(embedded):
+            known, rest = (np.isin(truth.recording, drawn.recording) for drawn in draw_shots(truth, shots, seed))
+            hits.append(float(np.mean(nearest_centroid(space.take(known), space.take(rest)) == truth.label[rest])))
+        accuracies[f"{shots} labels per class"] = float(np.mean(hits))
+    return {probe: round(value, 3) for probe, value in accuracies.items()}
 
 
 def main() -> None:
@@ -154,11 +154,11 @@ def main() -> None:
     config, progress = configured(), Progress()
     store = Store(Path(config.output) / "cache", progress.say)
     content = json.loads(OUTPUT.read_text(encoding="utf-8"))
-    found = scores(config, store, progress)
+    candidates = scores(config, store, progress)
     content["selection"] |= {
         "draw": DRAW,
-        "chosen": chosen(found) | {"labelled share": chosen_share(found)},
-        "scores": found,
+        "chosen": selected(candidates) | {"labelled share": chosen_share(candidates)},
+        "scores": candidates,
         "recordings": recordings(config),
     }
     files.write_atomically(OUTPUT, json.dumps(content, indent=1) + "\n")

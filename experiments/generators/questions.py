@@ -42,12 +42,12 @@ def asked(room: str, data: Path = DATA) -> list[Question]:
         if room != CHAIR:
             save_frames(scan(rooms.room(room, detail="cluttered"), 0, 1.0)[0], here / room)
             sources = [here / room]
-        found = []
+        questions = []
         for number, source in enumerate(sources):
             scene = here / f"scene_{number}"
             reconstruct(source, scene)
-            found += prepare(scene, load(scene)).questions
-        return found
+            questions += prepare(scene, load(scene)).questions
+        return questions
 
 
 def exact(room: str, questions: Sequence[Question]) -> float:
@@ -63,9 +63,9 @@ def answered(room: str, questions: Sequence[Question]) -> float:
     return _share(questions, {question.id for question, _ in Recorded(shipped(room)).answers(questions)})
 
 
-def _share(questions: Sequence[Question], chosen: set[str]) -> float:
-    """Return the share of the surface area of all questions that belongs to the questions with the ids `chosen`."""
-    return sum(q.place.area_m2 for q in questions if q.id in chosen) / sum(q.place.area_m2 for q in questions)
+def _share(questions: Sequence[Question], ids: set[str]) -> float:
+    """Return the share of the surface area of all questions that belongs to the questions with these ids."""
+    return sum(q.place.area_m2 for q in questions if q.id in ids) / sum(q.place.area_m2 for q in questions)
 
 
 def replace_answers(room: str, questions: Sequence[Question], answers: Path, model: str, about: str, to: Path = SHIPPED) -> Path:
@@ -79,7 +79,7 @@ def replace_answers(room: str, questions: Sequence[Question], answers: Path, mod
         LabelError: an answer is invalid, or a question has no answer. The recorded answers are then unchanged.
     """
     records = read_answers(answers, questions, model)
-    missing = sorted({question.id for question in questions} - {found.key[:12] for found in records})
+    missing = sorted({question.id for question in questions} - {record.key[:12] for record in records})
     if missing:
         raise LabelError(f"{answers} lacks {len(missing)} of {len(questions)} answers: {', '.join(missing)}; add a line for each")
     return ship_records(records, room, to, about)

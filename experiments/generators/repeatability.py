@@ -70,11 +70,11 @@ def read(campaign: Campaign, motion: Motion, cases: Sequence[Case]) -> Read:
 def summary(groups: Mapping[str, Mapping[str, Read]]) -> dict[str, Any]:
     """Return the content of the file of repeatability limits from {motion: {object: (feature names, values (recordings, features))}}."""
 
-    def rounded(some: Sequence[Read]) -> dict[str, float]:
-        return {name: float(f"{limit:.3g}") for name, limit in limits.measured(some).items()}
+    def rounded(readings: Sequence[Read]) -> dict[str, float]:
+        return {name: float(f"{limit:.3g}") for name, limit in limits.measured(readings).items()}
 
     motions = {
-        motion: {"pooled": rounded(list(of.values())), "objects": {name: rounded([one]) for name, one in of.items()}}
+        motion: {"pooled": rounded(list(of.values())), "objects": {name: rounded([reading]) for name, reading in of.items()}}
         for motion, of in groups.items()
     }
     setting = f"{REPEATS} recordings of each object at {DISTANCE_M:g} m, each set up anew"
@@ -89,8 +89,8 @@ def main() -> None:
     groups = {}
     for motion in FAMILIES:
         cases = repeated(config, motion)
-        campaign.prepare([("measured", case) for some in cases for case in some])
-        groups[motion] = {some[0].object: read(campaign, motion, some) for some in progress.over(cases, motion)}
+        campaign.prepare([("measured", case) for repetitions in cases for case in repetitions])
+        groups[motion] = {repetitions[0].object: read(campaign, motion, repetitions) for repetitions in progress.over(cases, motion)}
     files.write_atomically(limits.SHIPPED, json.dumps(summary(groups), indent=1) + "\n")
 
 

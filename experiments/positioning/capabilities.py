@@ -52,7 +52,7 @@ def _materials_matter(simulator: Backend) -> bool:
     return metal > 1.5 * wood
 
 
-def _own() -> Backend:
+def _tracer() -> Backend:
     return backend("mitsuba", room="tubes", rays=50_000, max_bounces=BOUNCES)
 
 
@@ -64,7 +64,7 @@ def _multipath(simulator: Callable[[], Backend], bounces: int | None = None) -> 
 
 def _ray_tracing() -> tuple[str, bool]:
     """Check that rays from the radar find the nearest surface of a room, its floor, at its true range."""
-    nearest = min(float(part.length_m.min()) / 2 for part in _traced(_own(), _box()))
+    nearest = min(float(part.length_m.min()) / 2 for part in _traced(_tracer(), _box()))
     return "ray tracing", abs(nearest - 1.05) < 0.02
 
 
@@ -125,8 +125,8 @@ def _targets() -> tuple[str, bool]:
 
 
 def _per_surface(simulator: Callable[[], Backend], words: str, matters: bool) -> tuple[str, bool]:
-    found = _materials_matter(simulator())
-    return (words if found == matters else "per surface" if found else "uniform"), found == matters
+    per_surface = _materials_matter(simulator())
+    return (words if per_surface == matters else "per surface" if per_surface else "uniform"), per_surface == matters
 
 
 def _sionna() -> Backend:
@@ -140,7 +140,7 @@ def _naive() -> Backend:
 CHECKS: dict[str, dict[str, Check]] = {
     "RadarTwin": {
         "mechanism": _ray_tracing, "scene input": _mesh_formats, "material model": _labelled,
-        "multipath": partial(_multipath, _own, BOUNCES), "real scene": _scanned_room, "no RF data": _no_measurement, "target": _targets,
+        "multipath": partial(_multipath, _tracer, BOUNCES), "real scene": _scanned_room, "no RF data": _no_measurement, "target": _targets,
     },
     "Sionna RT": {"material model": partial(_per_surface, _sionna, "per-surf.", True), "multipath": partial(_multipath, _sionna)},
     "RF-Genesis": {"material model": partial(_per_surface, _naive, "uniform", False), "multipath": partial(_multipath, _naive)},

@@ -85,8 +85,8 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     """Return the rows of the table. The last row is the number of other systems that have every capability."""
     rows = [row(system) for system in progress.over(list(CELLS), "systems")]
     rows.append(others_with_all())
-    ours = next(r for r in rows if r["method"] == OURS)
-    return Result(TABLE.name, rows, metrics={"our_cells_confirmed": float(ours["value"])})
+    radartwin_row = next(r for r in rows if r["method"] == OURS)
+    return Result(TABLE.name, rows, metrics={"our_cells_confirmed": float(radartwin_row["value"])})
 
 
 def row(system: str) -> dict[str, Any]:
@@ -96,11 +96,11 @@ def row(system: str) -> dict[str, Any]:
     agree: list[bool] = []
     checks = capabilities.CHECKS.get(system, {})
     for axis, check in checks.items():
-        found, right = check()
+        result, right = check()
         agree.append(right)
         if system == OURS:
-            cells[axis] = found if right else ""
-        notes.append(f"{axis}: {found}" if right else f"{axis}: {found}, not {CELLS[system][AXES.index(axis)]}")
+            cells[axis] = result if right else ""
+        notes.append(f"{axis}: {result}" if right else f"{axis}: {result}, not {CELLS[system][AXES.index(axis)]}")
     return {
         "method": system, **cells, "sources": "; ".join(source(system, axis) for axis in AXES),
         "checked here": "; ".join(notes), **claims.score_columns(

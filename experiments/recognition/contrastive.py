@@ -60,12 +60,12 @@ def score(config: Config, frame: Frame, copied: Copied) -> Result:
     """Build the table for each attribute (geometry, material), left-out group and method."""
     embedded: list[Samples] = []
     rows = table_rows(config, frame, partial(cells, config, copied, embedded))
-    shown = grouped(rows, lambda row: f"{row['attribute']},\nother {row['left out']}s", metric="balanced accuracy")
+    groups = grouped(rows, lambda row: f"{row['attribute']},\nother {row['left out']}s", metric="balanced accuracy")
     figures = {
-        "contrastive": lambda: bars(shown, "balanced accuracy", grey=RAW),
+        "contrastive": lambda: bars(groups, "balanced accuracy", grey=RAW),
         "contrastive_map": lambda: embedding_map(embedded[0], GEOMETRY, "first seed"),
     }
-    return Result(TABLE.name, rows, figures, values(shown), keys(frame))
+    return Result(TABLE.name, rows, figures, values(groups), keys(frame))
 
 
 def cells(config: Config, copied: Copied, embedded: list[Samples], frame: Frame) -> Iterator[Cell]:
@@ -80,7 +80,7 @@ def cells(config: Config, copied: Copied, embedded: list[Samples], frame: Frame)
             if len(truth.classes) < 2:
                 continue
             for method, spaces in ((RAW, [split.test]), (EMBEDDED, [encoder.embedded(split.test) for encoder in trained])):
-                predictions = [linear_probe(one.take(scored).relabelled(classes), groups[scored]) for one in spaces]
+                predictions = [linear_probe(space.take(scored).relabelled(classes), groups[scored]) for space in spaces]
                 paper = PAPER[attribute] if left_out == "recording" else ""
                 claim = Claim(f"a classifier finds {attribute} from measured embeddings", paper) if method == EMBEDDED else NONE
                 case = {
@@ -110,7 +110,7 @@ def export(config: Config, frame: Frame, copied: Copied) -> Recogniser:
     """Train a classifier of the campaign's objects on the simulation alone, whose noise is that of one draw. The features of the classifier
     are scaled by their mean and spread over the simulated recordings.
     """
-    measured, copies = (without(some, BRIGHTNESS) for some in (revolutions(frame), copied(config, frame)))
+    measured, copies = (without(rows, BRIGHTNESS) for rows in (revolutions(frame), copied(config, frame)))
     texts = anchors(copies.classes)
     trained = fit(label_free(scaled(copies), scaled(measured)), texts, settings(config), config.seed)
     provenance = {

@@ -58,25 +58,27 @@ def copies(store: Store, sources: Mapping[str, RecordingSource], config: Config,
     Args:
         sources: the campaign of each simulation, by its name in the column `twin` or `side`.
     """
-    ours, theirs = frame[frame.domain != MEASURED], frame[frame.domain == MEASURED]
-    source, noise = sources[ours.twin.iloc[0] or ours.side.iloc[0]], {}
-    for distance, here in ours.groupby("distance_m"):
-        simulated, measured = (np.stack(list(some)) for some in (here.energy_noise, theirs.energy_noise[theirs.distance_m == distance]))
-        noise[distance] = added_noise(simulated[:, 0], measured[:, 0], float(np.median(measured[:, 1])))
-    cases = [Case(*row) for row in ours[list(CONDITIONS)].itertuples(index=False)]
+    simulated, measured = frame[frame.domain != MEASURED], frame[frame.domain == MEASURED]
+    source, noise = sources[simulated.twin.iloc[0] or simulated.side.iloc[0]], {}
+    for distance, here in simulated.groupby("distance_m"):
+        simulated_levels, measured_levels = (
+            np.stack(list(column)) for column in (here.energy_noise, measured.energy_noise[measured.distance_m == distance])
+        )
+        noise[distance] = added_noise(simulated_levels[:, 0], measured_levels[:, 0], float(np.median(measured_levels[:, 1])))
+    cases = [Case(*row) for row in simulated[list(CONDITIONS)].itertuples(index=False)]
     seeds = dict(_seeded(config, cases))
     rows = [
         _rows(config, store, source, case, key, noise[case.distance_m], seeds[case])[kind]
-        for case, key in zip(cases, ours.key, strict=True)
+        for case, key in zip(cases, simulated.key, strict=True)
     ]
-    return gathered(ours, features(ours) if kind == "features" else cells(rows[0].shape[1]), rows)
+    return gathered(simulated, features(simulated) if kind == "features" else cells(rows[0].shape[1]), rows)
 
 
 def _rows(
     config: Config, store: Store, source: RecordingSource, case: Case, key: str, noise_power: float, seed: list[int]
 ) -> dict[str, NDArray]:
     """Return the rows of the copies of a simulated recording with this store key, for each kind of row."""
-    log, chosen, drawn = source.log(case, TWIN), config.supervision, strengths(config)
+    log, supervision, drawn = source.log(case, TWIN), config.supervision, strengths(config)
 
     def build(folder: Path) -> None:
         processed, target_m = source.processed(TWIN, case)[1], float(np.mean(log.distance_m))
@@ -85,14 +87,15 @@ def _rows(
             assert isinstance(source, Campaign), "drawn targets need a campaign that simulates them"
             echoes = _alone(config, store, source, case, seed)
         rows: dict[str, list[NDArray]] = {"features": [], "pictures": []}
-        for copy in randomise.copies(processed, echoes, noise_power, chosen.copies, drawn, seed):
+        for copy in randomise.copies(processed, echoes, noise_power, supervision.copies, drawn, seed):
             rows["features"].append(families.vector(copy, log, FEATURES)[1])
             rows["pictures"].append(picture(copy, angles(log, copy.num_frames), target_m).ravel())
-        save_arrays(folder, {kind: np.stack(some) for kind, some in rows.items()})
+        save_arrays(folder, {kind: np.stack(kind_rows) for kind, kind_rows in rows.items()})
 
     spec = {
-        "recording": key, "features": FEATURES, "noise": noise_power, "count": chosen.copies, "seed": seed,
-        "randomise": asdict(chosen.randomise), "variants": chosen.variants, "distance_m": log.distance_m, "angle_rad": log.angle_rad,
+        "recording": key, "features": FEATURES, "noise": noise_power, "count": supervision.copies, "seed": seed,
+        "randomise": asdict(supervision.randomise), "variants": supervision.variants,
+        "distance_m": log.distance_m, "angle_rad": log.angle_rad,
     }  # fmt: skip
     return store.fetch("copies", spec, ROOTS, build).arrays()
 
@@ -125,11 +128,11 @@ def _alone(config: Config, store: Store, campaign: Campaign, case: Case, seed: l
     """Return the channels (F, A, B) of the nominal target alone in free space, and of each random target on its random turntable."""
     # The receiver does not change the target, so copies that differ only in the receiver share the echoes.
     physical = replace(strengths(config), level=0.0, if_filter=0.0, channels=0.0, noise=0.0)
-    own, log = campaign.config, campaign.log(case, TWIN)
-    radar = replace(build_radar(own.radar), frame_rate_hz=log.frame_rate_hz)
-    surfaces = every_object()[case.object].surfaces(contents=own.contents)
+    nominal, log = campaign.config, campaign.log(case, TWIN)
+    radar = replace(build_radar(nominal.radar), frame_rate_hz=log.frame_rate_hz)
+    surfaces = every_object()[case.object].surfaces(contents=nominal.contents)
     turned = np.repeat(log.target_poses, log.frames // len(log.target_poses), axis=0)
-    simulator = fixed_simulator(own.simulator)
+    simulator = fixed_simulator(nominal.simulator)
     count = min(config.supervision.variants, config.supervision.copies)
     range_m = range_axis(radar, radar.num_samples)
     near = np.abs(range_m[range_m <= MAX_RANGE_M] - float(np.mean(log.distance_m))) < NEAR_TARGET_M
@@ -140,7 +143,7 @@ def _alone(config: Config, store: Store, campaign: Campaign, case: Case, seed: l
         save_arrays(folder, {"channels": made[..., near]})
 
     spec = {
-        "object": case.object, "contents": own.contents, "radar": radar.to_dict(), "poses": [log.sensor_poses, turned], "near": near,
+        "object": case.object, "contents": nominal.contents, "radar": radar.to_dict(), "poses": [log.sensor_poses, turned], "near": near,
         "simulator": simulator, "randomise": asdict(physical), "count": count, "seed": seed,
     }  # fmt: skip
     stored = store.fetch("targets_alone", spec, ROOTS, build).arrays()["channels"]

@@ -58,8 +58,8 @@ def score(config: Config, frame: Frame) -> Result:
     rows = table_rows(config, frame, cells)
     after = {row["materials"]: row["value"] for row in rows if row["metric"] == ERROR and row["method"] == AFTER}
     metrics = {f"residual_db_{kind.replace(' ', '_')}": value for kind, value in after.items()}
-    used = sorted(frozenset().union(*(row.recordings for row in rows)))
-    return Result(TABLE.name, rows, {TABLE.name: lambda: _figure(errors(first_draw(frame)))}, metrics, used)
+    recordings = sorted(frozenset().union(*(row.recordings for row in rows)))
+    return Result(TABLE.name, rows, {TABLE.name: lambda: _figure(errors(first_draw(frame)))}, metrics, recordings)
 
 
 def cells(frame: Frame) -> Iterator[Cell]:
@@ -68,12 +68,12 @@ def cells(frame: Frame) -> Iterator[Cell]:
     case = {"materials": "reflector", "feature": BRIGHTNESS, "method": "the map"}
     yield Cell(case, ERROR, of, offset, count=1)
     for when in (BEFORE, AFTER):
-        for kind, some in scored.groupby("kind"):
+        for kind, group in scored.groupby("kind"):
             claim = Claim(f"{kind} stays too dim in simulation", "too dim", bound=LEAST_DB, null=0.0)
             if kind == "metal":
                 claim = within("metal aligns within 3 dB", -ALIGNED_DB, ALIGNED_DB, paper="aligned")
-            estimate = using(clustered, some[when], some.object.to_numpy(str))
-            case, count = {"materials": kind, "feature": BRIGHTNESS, "method": when}, some.key.nunique()
+            estimate = using(clustered, group[when], group.object.to_numpy(str))
+            case, count = {"materials": kind, "feature": BRIGHTNESS, "method": when}, group.key.nunique()
             yield Cell(case, ERROR, of, estimate, claim if when == AFTER else NONE, count)
     objects = scored.groupby(["kind", "object"])[AFTER].mean()
     kinds = list(objects.index.unique("kind"))
@@ -96,8 +96,8 @@ def errors(frame: Frame) -> Frame:
 
     The column `kind` is metal, ceramic, plastic or filled plastic.
     """
-    some = balanced(frame)
-    pairs = paired(by_revolution(some[some.object != REFLECTOR]))
+    compared = balanced(frame)
+    pairs = paired(by_revolution(compared[compared.object != REFLECTOR]))
     before = pairs[BRIGHTNESS] - pairs[f"{BRIGHTNESS}_twin"]
     filled = (pairs.material_class == "plastic") & pairs.object.map(lambda name: bool(catalogue()[name].contents))
     return pairs.assign(kind=pairs.material_class.mask(filled, FILLED), **{BEFORE: before, AFTER: before - offset_db(frame)})

@@ -84,8 +84,8 @@ def methods() -> dict[str, tuple[str, str]]:
 
 def identity() -> dict[str, Any]:
     """Return additions to the run key: the source code of the learners of other packages."""
-    found = {name: plugins.find(plugins.ENCODERS, name, LEARNERS) for name in plugins.names(plugins.ENCODERS)}
-    code = {name: code_of(plugin) for name, plugin in found.items() if plugin is not None}
+    loaded = {name: plugins.find(plugins.ENCODERS, name, LEARNERS) for name in plugins.names(plugins.ENCODERS)}
+    code = {name: code_of(plugin) for name, plugin in loaded.items() if plugin is not None}
     return {"encoders": code} if code else {}
 
 
@@ -96,11 +96,11 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 def score(config: Config, frame: Frame, copied: Copied) -> Result:
     """Build the table of every learner."""
     rows = table_rows(config, frame, partial(cells, config, copied))
-    shown = grouped([row for row in rows if row["labels per class"] != RECORDINGS], "method", "labels per class")
-    unlabelled = {"no labels": {method: of[0] for method, of in shown.items() if 0 in of}}
+    curves = grouped([row for row in rows if row["labels per class"] != RECORDINGS], "method", "labels per class")
+    unlabelled = {"no labels": {method: of[0] for method, of in curves.items() if 0 in of}}
     figures = {
         "encoder_comparison": lambda: bars(unlabelled, "accuracy", grey=TREES),
-        "label_efficiency": lambda: label_curve(shown, rows[0]["chance"]),
+        "label_efficiency": lambda: label_curve(curves, rows[0]["chance"]),
     }
     return Result(TABLE.name, rows, figures, values(unlabelled), keys(frame))
 
@@ -115,9 +115,9 @@ def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
     for method, (kind, _) in methods().items():
         fitted, rows = fit_method(config, method, copies, measured), measured[learner(kind).reads]
         claim = Claim("measured revolutions are recognised without labels") if method == NETWORK else NONE
-        hits = correct([one.predict(rows.unlabelled()) for one in fitted], truth.label)
+        hits = correct([model.predict(rows.unlabelled()) for model in fitted], truth.label)
         yield scored.accuracy({"supervision": "label_free", "labels per class": 0, "method": method}, hits, claim)
-        embedded[method] = [one.embedded(rows) for one in fitted]
+        embedded[method] = [model.embedded(rows) for model in fitted]
     embedded[RAW] = [truth] * len(seeds(config))
     for shots in (k for k in SHOTS if 0 < k <= most_shots(truth)):
         case = {"supervision": "few_shot", "labels per class": shots}
@@ -125,7 +125,8 @@ def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
         yield from scored.compared(case, hits, dict.fromkeys([(JOINT, RAW), (JOINT, SCRATCH)], Claim("simulation helps at equal labels")))
     if has_other_recordings(truth):  # the table labelled_probe has the accuracies of NETWORK and RAW, and their difference
         hits = {
-            method: correct([leave_one_out_centroid(one, one.source) for one in some], truth.label) for method, some in embedded.items()
+            method: correct([leave_one_out_centroid(space, space.source) for space in spaces], truth.label)
+            for method, spaces in embedded.items()
         }
         case, others = {"supervision": "few_shot", "labels per class": RECORDINGS}, [name for name in hits if name not in (NETWORK, RAW)]
         for method in others:
@@ -138,9 +139,9 @@ def fit_method(config: Config, method: str, copies: Mapping[Reads, Samples], mea
     once.
     """
     kind, text = methods()[method]
-    chosen = learner(kind)
-    split, texts = label_free(copies[chosen.reads], measured[chosen.reads]), anchors(measured["features"].classes, text)
-    return [chosen.fit(split, texts, settings(config), seed) for seed in (seeds(config)[:1] if kind == "trees" else seeds(config))]
+    method_learner = learner(kind)
+    split, texts = label_free(copies[method_learner.reads], measured[method_learner.reads]), anchors(measured["features"].classes, text)
+    return [method_learner.fit(split, texts, settings(config), seed) for seed in (seeds(config)[:1] if kind == "trees" else seeds(config))]
 
 
 def fit_with_labels(
@@ -169,9 +170,9 @@ def few_shot_hits(
     hits = {method: np.full((len(seeds(config)), len(truth)), np.nan) for method in (*embedded, *learned)}
     for number, seed in enumerate(seeds(config)):
         labelled, rest = draw_shots(truth, shots, seed + LABEL_STEP * draw)
-        known, scored = (np.isin(truth.recording, one.recording) for one in (labelled, rest))
+        known, scored = (np.isin(truth.recording, drawn.recording) for drawn in (labelled, rest))
         # a learner without random numbers has the same rows for all seeds
-        spaces = {method: some[min(number, len(some) - 1)] for method, some in embedded.items()}
+        spaces = {method: of_seeds[min(number, len(of_seeds) - 1)] for method, of_seeds in embedded.items()}
         spaces |= {method: fit_with_labels(config, beside, labelled, rest, seed).embedded(truth) for method, beside in learned.items()}
         for method, rows in spaces.items():
             hits[method][number, scored] = nearest_centroid(rows.take(known), rows.take(scored)) == truth.label[scored]

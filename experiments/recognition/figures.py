@@ -27,11 +27,11 @@ def grouped(
     rows: Iterable[Row], group: str | Callable[[Row], str], bar: str = "method", metric: str = "accuracy"
 ) -> dict[str, dict[Any, Row]]:
     """Return {group: {bar: row}} of the rows with this metric of the configured twin and testbed, from their columns `group` and `bar`."""
-    found: dict[str, dict[Any, Row]] = {}
+    groups: dict[str, dict[Any, Row]] = {}
     for row in rows:
         if row["metric"] == metric and not row.get("twin") and not row.get("truth"):
-            found.setdefault(row[group] if isinstance(group, str) else group(row), {})[row[bar]] = row
-    return found
+            groups.setdefault(row[group] if isinstance(group, str) else group(row), {})[row[bar]] = row
+    return groups
 
 
 def values(groups: Mapping[str, Mapping[str, Row]], prefix: str = "accuracy") -> dict[str, float]:
@@ -106,10 +106,10 @@ def embedding_map(recordings: Samples, classes: Mapping[str, str], title: str) -
     colours, markers = dict(zip(kinds, PALETTE, strict=False)), dict(zip(kinds, "os^D", strict=False))
     for kind in kinds:
         for domain, filled in (("simulated", False), (MEASURED, True)):
-            chosen = (recordings.domain == domain) & np.array([classes[label] == kind for label in recordings.label])
+            mask = (recordings.domain == domain) & np.array([classes[label] == kind for label in recordings.label])
             face = colours[kind] if filled else "none"
             label = f"{kind}, {domain}"
-            axis.scatter(*points[chosen].T, s=14, marker=markers[kind], facecolors=face, edgecolors=colours[kind], lw=0.8, label=label)
+            axis.scatter(*points[mask].T, s=14, marker=markers[kind], facecolors=face, edgecolors=colours[kind], lw=0.8, label=label)
     for name in recordings.classes:
         centre = points[(recordings.label == name) & (recordings.domain == MEASURED)].mean(axis=0)
         axis.annotate(name.replace("_", " "), centre, fontsize=5, ha="center", va="bottom", xytext=(0, 3), textcoords="offset points")
@@ -125,13 +125,13 @@ def label_curve(rows: Mapping[str, Mapping[Any, Row]], chance: float) -> Figure:
     The horizontal axis is symmetric-logarithmic, so that it includes zero labelled recordings.
     """
     drawing, axis = figure(width_in=COLUMN_WIDTH_IN * 1.4, height_in=2.8)
-    for number, (method, found) in enumerate(rows.items()):
-        value, low, high = (np.array([row[name] for row in found.values()], float) for name in ("value", "low", "high"))
+    for number, (method, by_number) in enumerate(rows.items()):
+        value, low, high = (np.array([row[name] for row in by_number.values()], float) for name in ("value", "low", "high"))
         colour = PALETTE[number % len(PALETTE)]
-        axis.plot(list(found), value, color=colour, marker="os^DvPX"[number % 7], ms=4, label=method)
-        axis.fill_between(list(found), low, high, color=colour, alpha=0.2, lw=0)
+        axis.plot(list(by_number), value, color=colour, marker="os^DvPX"[number % 7], ms=4, label=method)
+        axis.fill_between(list(by_number), low, high, color=colour, alpha=0.2, lw=0)
     axis.axhline(chance, color="black", ls="--", lw=0.8, label="chance")
-    ticks = sorted({shots for found in rows.values() for shots in found})
+    ticks = sorted({shots for by_number in rows.values() for shots in by_number})
     axis.set_xscale("symlog", base=2, linthresh=1)
     axis.set_xticks(ticks, [str(tick) for tick in ticks])
     axis.minorticks_off()

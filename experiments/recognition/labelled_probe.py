@@ -121,26 +121,26 @@ def score(config: Config, frame: Frame, copied: Copied) -> Result:
     """Build the table of every probe and of the controls."""
     panels: Panels = {}
     rows = table_rows(config, frame, partial(cells, config, copied, panels))
-    shown = grouped([row for row in rows if row["probe"] in PROBES and not row.get("layout")], "probe")
+    groups = grouped([row for row in rows if row["probe"] in PROBES and not row.get("layout")], "probe")
     figures = {
-        "labelled_probe": lambda: bars({probe.replace(", ", ",\n"): of for probe, of in shown.items()}, "accuracy", grey=RAW),
+        "labelled_probe": lambda: bars({probe.replace(", ", ",\n"): of for probe, of in groups.items()}, "accuracy", grey=RAW),
         "labelled_probe_confusion": lambda: confusions(panels),
     }
-    return Result(TABLE.name, rows, figures, values(shown), keys(frame))
+    return Result(TABLE.name, rows, figures, values(groups), keys(frame))
 
 
 def cells(config: Config, copied: Copied, panels: Panels, frame: Frame) -> Iterator[Cell]:
     """Declare the cells of one draw, and put the answers of the last probe in the first draw into `panels`."""
     usual = frame[frame.side != LAYOUT]
     measured, sides = scaled(revolutions(usual)), by_side(usual)
-    simulated = {method: scaled(copied(config, some)) for method, some in sides.items()}
+    simulated = {method: scaled(copied(config, side)) for method, side in sides.items()}
     trained = {method: encoders(config, label_free(rows, measured)) for method, rows in simulated.items()}
     probes = [probe for probe in PROBES if probe != RECORDINGS or has_other_recordings(measured)]
     yield from _probed(config, usual, measured, trained, dict.fromkeys(probes, uniform_chance(measured)))
     yield from _controls(config, sides[PRETRAINED], measured, simulated[PRETRAINED])
     if not panels:
-        shown = {RAW: measured, PRETRAINED: trained[PRETRAINED][0].embedded(measured)}
-        panels |= {method: (measured.label, _predict(some, probes[-1])) for method, some in shown.items()}
+        spaces = {RAW: measured, PRETRAINED: trained[PRETRAINED][0].embedded(measured)}
+        panels |= {method: (measured.label, _predict(space, probes[-1])) for method, space in spaces.items()}
     layout = frame[(frame.side == LAYOUT) | (frame.domain != MEASURED)]
     if (layout.domain == MEASURED).any():
         truth = scaled(revolutions(layout))
@@ -153,9 +153,9 @@ def _probed(
     layout: Mapping[str, str] | None = None,
 ) -> Iterator[Cell]:  # fmt: skip
     """Declare the accuracy of every method with each probe of `chances`, and the gain from training on simulation."""
-    embedded = {RAW: [truth]} | {method: [encoder.embedded(truth) for encoder in some] for method, some in trained.items()}
+    embedded = {RAW: [truth]} | {method: [encoder.embedded(truth) for encoder in of_seeds] for method, of_seeds in trained.items()}
     for probe, chance in chances.items():
-        hits = {method: correct([_predict(one, probe) for one in some], truth.label) for method, some in embedded.items()}
+        hits = {method: correct([_predict(space, probe) for space in spaces], truth.label) for method, spaces in embedded.items()}
         figures, gain = PROBES[probe]
         claims = {method: Claim("", paper) for method, paper in figures.items()}
         claims[PRETRAINED] = Claim("measured revolutions are recognised", figures.get(PRETRAINED, ""))
@@ -188,11 +188,11 @@ def _controls(config: Config, of: Frame, measured: Samples, simulated: Samples) 
     domains.
     """
     both = as_domains(join(simulated.per_recording(), measured))
-    texts, chosen = anchors(measured.classes), settings(config)
+    texts, encoder_settings = anchors(measured.classes), settings(config)
     predictions, shuffled_domains, domains = [], [], []
     for seed in seeds(config):
-        encoder = fit(label_free(shuffled(simulated, seed), measured), texts, chosen, seed).encoder
-        predictions.append(nearest_text(encoder, measured.unlabelled(), texts, chosen.temperature))
+        encoder = fit(label_free(shuffled(simulated, seed), measured), texts, encoder_settings, seed).encoder
+        predictions.append(nearest_text(encoder, measured.unlabelled(), texts, encoder_settings.temperature))
         shuffled_domains.append(_domain_accuracy(shuffled(both, seed), seed))
         domains.append(_domain_accuracy(both, seed))
     shares = correct(predictions, measured.label).mean(axis=1)

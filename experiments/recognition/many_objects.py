@@ -82,9 +82,9 @@ Copies = Mapping[str, Samples]  # scaled features of simulated copies by method
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    own = of_assortment(config)
-    frame, copied = read(labelled_probe.query(own), store, progress)
-    return score(own, frame, {method: scaled(copied(own, some)) for method, some in by_side(first_draw(frame)).items()})
+    table_config = of_assortment(config)
+    frame, copied = read(labelled_probe.query(table_config), store, progress)
+    return score(table_config, frame, {method: scaled(copied(table_config, side)) for method, side in by_side(first_draw(frame)).items()})
 
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
@@ -113,15 +113,15 @@ def score(config: Config, frame: Frame, copies: Copies) -> Result:
     """Build the table from the frame of readings and the copies by the methods PRETRAINED and RIVAL."""
     measured = by_revolution(frame[frame.domain == MEASURED])
     copies = {**copies, OTHER: copies[PRETRAINED].relabelled(another_of_its_kind(copies[PRETRAINED].classes))}
-    some = samples(measured[measured.draw == measured.draw.iloc[0]])
-    trained = {method: encoders(config, label_free(rows, some)) for method, rows in copies.items()}
-    on_ranks = encoders(config, label_free(ranked(copies[PRETRAINED]), ranked(some)))
+    of_first_draw = samples(measured[measured.draw == measured.draw.iloc[0]])
+    trained = {method: encoders(config, label_free(rows, of_first_draw)) for method, rows in copies.items()}
+    on_ranks = encoders(config, label_free(ranked(copies[PRETRAINED]), ranked(of_first_draw)))
     answers = pd.concat([_answered(config, rows, copies, trained, on_ranks) for _, rows in measured.groupby("draw")], ignore_index=True)
     rows = table_rows(config, answers, partial(cells, config))
     accuracies = [row for row in rows if row["metric"] == "accuracy" and not row.get("attribute")]
     curve = grouped(accuracies, "method", "labels per class")
     metrics = {f"gain_over_{second}": _value(rows, f"{first} - {second}") for first, second in PAIRS if first == PRETRAINED}
-    return Result(TABLE.name, rows, {TABLE.name: lambda: label_curve(curve, 1 / len(some.classes))}, metrics, keys(frame))
+    return Result(TABLE.name, rows, {TABLE.name: lambda: label_curve(curve, 1 / len(of_first_draw.classes))}, metrics, keys(frame))
 
 
 def _value(rows: Sequence[Mapping[str, Any]], method: str) -> float:
@@ -137,9 +137,9 @@ def another_of_its_kind(objects: Sequence[str]) -> dict[str, str]:
 def samples(revolutions: Frame) -> Samples:
     """Return the rows of measured revolutions as samples with the object as label."""
     names, source, name = features(revolutions), revolutions.key.to_numpy(str), revolutions.object.to_numpy(str)
-    turn = revolutions.groupby("key").cumcount().to_numpy()
+    revolution = revolutions.groupby("key").cumcount().to_numpy()
     recordings = (recording_name(MEASURED, row) for row in revolutions.itertuples())
-    recording = np.array([f"{one} turn {number:02d}" for one, number in zip(recordings, turn, strict=True)])
+    recording = np.array([f"{prefix} turn {number:02d}" for prefix, number in zip(recordings, revolution, strict=True)])
     stratum, domain = np.array([f"{distance:g} m" for distance in revolutions.distance_m]), np.full(len(source), MEASURED)
     return Samples(tuple(names), revolutions[names].to_numpy(float), recording, stratum, domain, source, name, name)
 
@@ -155,16 +155,19 @@ def _answered(
     plain = samples(revolutions)
     truth, draw, columns = scaled(plain), int(revolutions.draw.iloc[0]), {}
     spaces = {RAW: [(copies[PRETRAINED], truth)]}
-    spaces |= {method: [(one.embedded(copies[method]), one.embedded(truth)) for one in some] for method, some in trained.items()}
-    hits = {f"{method}, 0": np.array([nearest_centroid(*pair) == truth.label for pair in some], float) for method, some in spaces.items()}
+    spaces |= {
+        method: [(encoder.embedded(copies[method]), encoder.embedded(truth)) for encoder in of_seeds]
+        for method, of_seeds in trained.items()
+    }
+    hits = {f"{method}, 0": np.array([nearest_centroid(*pair) == truth.label for pair in pairs], float) for method, pairs in spaces.items()}
     for shots in SHOTS[1:]:
-        found = few_shot_hits(config, {method: [rows for _, rows in some] for method, some in spaces.items()}, truth, shots, draw)
-        hits |= {f"{method}, {shots}": one for method, one in found.items()}
-    for name, found in hits.items():
-        count = (~np.isnan(found)).sum(axis=0)
-        columns[name] = np.nansum(found, axis=0) / np.where(count > 0, count, np.nan)
+        few_shot = few_shot_hits(config, {method: [rows for _, rows in pairs] for method, pairs in spaces.items()}, truth, shots, draw)
+        hits |= {f"{method}, {shots}": method_hits for method, method_hits in few_shot.items()}
+    for name, method_hits in hits.items():
+        count = (~np.isnan(method_hits)).sum(axis=0)
+        columns[name] = np.nansum(method_hits, axis=0) / np.where(count > 0, count, np.nan)
     for attribute, (classes, _) in ATTRIBUTES.items():
-        pairs = [[one.embedded(ranked(rows).relabelled(classes)) for rows in (copies[PRETRAINED], plain)] for one in on_ranks]
+        pairs = [[encoder.embedded(ranked(rows).relabelled(classes)) for rows in (copies[PRETRAINED], plain)] for encoder in on_ranks]
         columns[attribute] = list(np.stack([transferred_probe(label_free(*pair)) for pair in pairs], axis=1))
     return revolutions.assign(**columns)
 
@@ -180,9 +183,9 @@ def cells(config: Config, frame: Frame) -> Iterator[Cell]:
             claim = identity.get(method, NONE) if not shots else NONE
             yield Cell({**at, "method": method}, "accuracy", frame, mean(per(f"{method}, {shots}"), SHARE), claim)
     for (first, second), claim in PAIRS.items():
-        for label, some in (*((shots, (shots,)) for shots in SHOTS), ("1, 2 and 4", SHOTS[1:])):
+        for label, counts in (*((shots, (shots,)) for shots in SHOTS), ("1, 2 and 4", SHOTS[1:])):
             case = {"labels per class": label, "method": f"{first} - {second}"}
-            yield Cell(case, "gain in accuracy", frame, _gain(first, second, some), claim if len(some) > 1 else NONE)
+            yield Cell(case, "gain in accuracy", frame, _gain(first, second, counts), claim if len(counts) > 1 else NONE)
     for shots in SHOTS[:2]:
         yield Cell({"labels per class": shots, "method": PRETRAINED}, "saved labels per class", frame, _saved(shots))
     measured = samples(frame[[column for column in frame if not str(column).startswith((RAW, PRETRAINED, RIVAL, OTHER))]])
@@ -215,7 +218,7 @@ def _saved(shots: int) -> Estimator:
 
     def estimate(rows: Frame, resamples: int, seed: int) -> Estimate:
         values = per([f"{PRETRAINED}, {shots}", *(f"{RAW}, {k}" for k in SHOTS)])(rows).to_numpy()
-        chosen = np.random.default_rng(seed).integers(len(values), size=(resamples, len(values)))
-        return statistics.resampled(saved(values.mean(axis=0)), [saved(values[some].mean(axis=0)) for some in chosen], len(values), limits)
+        index = np.random.default_rng(seed).integers(len(values), size=(resamples, len(values)))
+        return statistics.resampled(saved(values.mean(axis=0)), [saved(values[drawn].mean(axis=0)) for drawn in index], len(values), limits)
 
     return estimate

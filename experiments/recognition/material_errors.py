@@ -51,9 +51,9 @@ LEVEL_ERROR = "level error of the range profile (dB)"
 
 def query(config: Config) -> Query:
     """Return the recordings of the table, with each material source as a side."""
-    *others, (own, _) = sources(config).items()
+    *others, (configured, _) = sources(config).items()
     more = [Part(TWIN, replace(config, materials=materials), {"side": name}) for name, (_, materials) in others]
-    return Query(config, (MOTION,), ROOM, several=True, side=own, more=more)
+    return Query(config, (MOTION,), ROOM, several=True, side=configured, more=more)
 
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
@@ -68,10 +68,10 @@ def sources(config: Config) -> dict[str, tuple[float | None, MaterialsConfig]]:
     """Return {name: (share of wrong material labels, material source)}; the share is None for the configured material source, which is the
     last one.
     """
-    found: dict[str, tuple[float | None, MaterialsConfig]] = {TRUE: (0.0, TrueMaterials())}
+    by_name: dict[str, tuple[float | None, MaterialsConfig]] = {TRUE: (0.0, TrueMaterials())}
     for share in WRONG if config.profile.name != "quick" else WRONG[-1:]:
-        found[f"{100 * share:g} % random"] = (share, RandomMaterials(p=share))
-    return found | {f"as configured ({config.materials.source})": (None, config.materials)}
+        by_name[f"{100 * share:g} % random"] = (share, RandomMaterials(p=share))
+    return by_name | {f"as configured ({config.materials.source})": (None, config.materials)}
 
 
 def score(config: Config, frame: Frame, progress: Progress) -> Result:

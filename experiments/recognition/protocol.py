@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any
@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from experiments.campaign.cases import MEASURED
 from experiments.campaign.frame import Frame
-from experiments.cells import Cell
+from experiments.cells import Cell, keys, table_rows
 from experiments.claims import EQUAL, NONE, Claim
 from experiments.draws import Query
 from experiments.recognition.copies import Copied, copies
+from experiments.recognition.figures import Panels, bars, confusions, grouped, values
 from experiments.statistics import (
     BINOMIAL,
     SHARE,
@@ -37,6 +38,7 @@ from radartwin.recognize.score import uniform_chance
 from radartwin.recognize.split import Split, label_free
 from radartwin.recognize.text import embed
 from radartwin.recognize.training import fit
+from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.assortment import every_object
 from radartwin.store.products import Store
 
@@ -68,6 +70,22 @@ def read(query: Query, store: Store, progress: Progress) -> tuple[Frame, Copied]
     return query.frame(store, progress), partial(copies, store, query.sources(store, progress))
 
 
+def accuracy_result(
+    table: Table, config: Config, frame: Frame, cells: Callable[[Panels, Frame], Iterator[Cell]], group: str, grey: str
+) -> Result:
+    """Build a table with two figures: bars of accuracy, grouped by the column `group`, and confusion matrices.
+
+    Args:
+        cells: declares the cells of one draw, and puts the answers of the first draw into the panels of the confusion matrices.
+        grey: method whose bars are grey.
+    """
+    panels: Panels = {}
+    rows = table_rows(config, frame, partial(cells, panels))
+    groups = grouped(rows, group)
+    figures = {table.name: lambda: bars(groups, "accuracy", grey=grey), f"{table.name}_confusion": lambda: confusions(panels)}
+    return Result(table.name, rows, figures, values(groups), keys(frame))
+
+
 def scaled(samples: Samples) -> Samples:
     """Standardise the features of turntable revolutions, with the repeatability of each feature as its smallest spread."""
     return standardised(samples, repeatability(samples.names))
@@ -77,8 +95,8 @@ def settings(config: Config, level: str = "label_free") -> Settings:
     """Return the encoder settings of a supervision level. Only the supervision level few_shot includes the loss term of
     simulated-measured pairs.
     """
-    chosen = Settings(**asdict(config.supervision.encoder))
-    return chosen if level == "few_shot" else replace(chosen, paired=0.0)
+    configured = Settings(**asdict(config.supervision.encoder))
+    return configured if level == "few_shot" else replace(configured, paired=0.0)
 
 
 def seeds(config: Config) -> list[int]:
@@ -114,11 +132,11 @@ def probe_hits(config: Config, measured: Samples, copies: Samples) -> dict[str, 
     """
     trained = encoders(config, label_free(copies, measured))
     texts, temperature = anchors(measured.classes), settings(config).temperature
-    found = {TEXT: correct([nearest_text(one, measured.unlabelled(), texts, temperature) for one in trained], measured.label)}
+    hits = {TEXT: correct([nearest_text(encoder, measured.unlabelled(), texts, temperature) for encoder in trained], measured.label)}
     if has_other_recordings(measured):
-        answers = [leave_one_out_centroid(one.embedded(measured), measured.source) for one in trained]
-        found[RECORDINGS] = correct(answers, measured.label)
-    return found
+        answers = [leave_one_out_centroid(encoder.embedded(measured), measured.source) for encoder in trained]
+        hits[RECORDINGS] = correct(answers, measured.label)
+    return hits
 
 
 def correct(predictions: Sequence[NDArray], truth: NDArray) -> NDArray[np.bool_]:
@@ -157,31 +175,31 @@ class Scored:
         hits, truth = self._classified(hits)
         metric, null = "balanced accuracy" if balanced else "accuracy", None
         if answers is not None and len(truth.classes) > 1:
-            found = permuted_accuracy(answers, truth, self.config.seed, balanced)
-            null = float(found.shuffled.mean())  # type: ignore[union-attr]
+            estimate = permuted_accuracy(answers, truth, self.config.seed, balanced)
+            null = float(estimate.shuffled.mean())  # type: ignore[union-attr]
         else:
             classes, seeds = truth.label if balanced else None, (self.config.profile.resamples, self.config.seed)
-            found = replace(clustered(hits, truth.object, *seeds, classes, SHARE), closed=is_closed(truth))
-            if found.low == found.high:  # all resamples are equal, for example if all predictions are correct
-                found = replace(share(found.value * found.n, found.n), closed=found.closed)
-        if balanced and any(np.unique(truth.object[truth.label == one]).size < 2 for one in truth.classes):
+            estimate = replace(clustered(hits, truth.object, *seeds, classes, SHARE), closed=is_closed(truth))
+            if estimate.low == estimate.high:  # all resamples are equal, for example if all predictions are correct
+                estimate = replace(share(estimate.value * estimate.n, estimate.n), closed=estimate.closed)
+        if balanced and any(np.unique(truth.object[truth.label == label]).size < 2 for label in truth.classes):
             claim = replace(claim, untestable=ONE_OBJECT)
         if claim.bound is None and claim.null is None:
             claim = replace(claim, bound=self.chance, null=null)
         columns = statistics_columns(len(truth), self.chance, np.nanmean(hits, axis=1))
-        return Cell({**case, **columns}, metric, self.of, found, claim, count_sources(truth))
+        return Cell({**case, **columns}, metric, self.of, estimate, claim, count_sources(truth))
 
     def gain(self, case: Mapping[str, Any], first: NDArray, second: NDArray, claim: Claim = NONE) -> Cell:
         """Return the accuracy of `first` minus that of `second` on the same recordings, with the test that swaps the methods of objects.
         The claim is that the gain is above LEAST_GAIN.
         """
-        (ours, truth), (theirs, _) = (self._classified(hits) for hits in (first, second))
-        differences = np.nanmean(ours, axis=0) - np.nanmean(theirs, axis=0)
+        (first_hits, truth), (second_hits, _) = (self._classified(hits) for hits in (first, second))
+        differences = np.nanmean(first_hits, axis=0) - np.nanmean(second_hits, axis=0)
         _, item = np.unique(truth.object, return_inverse=True)
-        found = sign_flipped(np.bincount(item, differences) / np.bincount(item), self.config.seed, SIGNED)
+        estimate = sign_flipped(np.bincount(item, differences) / np.bincount(item), self.config.seed, SIGNED)
         case = {**case, **statistics_columns(len(truth), 0.0)}
         claim = replace(claim, bound=LEAST_GAIN, null=0.0)
-        return Cell(case, "gain in accuracy", self.of, replace(found, closed=is_closed(truth)), claim, count_sources(truth))
+        return Cell(case, "gain in accuracy", self.of, replace(estimate, closed=is_closed(truth)), claim, count_sources(truth))
 
     def compared(
         self, case: Mapping[str, Any], hits: Mapping[str, NDArray], pairs: Mapping[tuple[str, str], Claim],
@@ -192,9 +210,9 @@ class Scored:
         Args:
             hits, claims, answers: by method. column: column of the method.
         """
-        for method, found in hits.items():
-            claim, own = (claims or {}).get(method, NONE), self.using(method)
-            yield own.accuracy({**case, column: method}, found, claim, answers=answers[method] if answers else None)
+        for method, method_hits in hits.items():
+            claim, scored = (claims or {}).get(method, NONE), self.using(method)
+            yield scored.accuracy({**case, column: method}, method_hits, claim, answers=answers[method] if answers else None)
         for (first, second), claim in pairs.items():
             yield self.using(first, second).gain({**case, column: f"{first} - {second}"}, hits[first], hits[second], claim)
 
@@ -216,8 +234,8 @@ class Scored:
     def _classified(self, hits: NDArray) -> tuple[NDArray[np.float64], Samples]:
         """Return the columns of `hits` that a seed classifies, and their rows."""
         hits = np.atleast_2d(np.asarray(hits, float))
-        chosen = ~np.isnan(hits).all(axis=0)
-        return hits[:, chosen], self.truth.take(chosen)
+        mask = ~np.isnan(hits).all(axis=0)
+        return hits[:, mask], self.truth.take(mask)
 
 
 def compared_trainings(
@@ -254,13 +272,13 @@ def permuted_accuracy(answers: Sequence[NDArray], recordings: Samples, seed: int
     """Return the accuracy, with the test that permutes the classes of the objects and keeps the answers on each object."""
     objects, item = np.unique(recordings.object, return_inverse=True)
     kinds, truth = np.unique(recordings.label, return_inverse=True)
-    counts = np.array([[np.sum(np.stack(answers)[:, item == one] == kind) for kind in kinds] for one in range(len(objects))], float)
+    counts = np.array([[np.sum(np.stack(answers)[:, item == number] == kind) for kind in kinds] for number in range(len(objects))], float)
     total, order = np.bincount(item) * float(len(answers)), orders(len(objects), seed)
-    classes = truth[[np.flatnonzero(item == one)[0] for one in range(len(objects))]][order]  # (permutations, objects)
+    classes = truth[[np.flatnonzero(item == number)[0] for number in range(len(objects))]][order]  # (permutations, objects)
     right = counts[np.arange(len(objects)), classes]
     if balanced:
         of_kind = [classes == kind for kind in range(len(kinds))]
-        shuffled = np.mean([(right * one).sum(axis=1) / (total * one).sum(axis=1) for one in of_kind], axis=0)
+        shuffled = np.mean([(right * mask).sum(axis=1) / (total * mask).sum(axis=1) for mask in of_kind], axis=0)
     else:
         shuffled = right.sum(axis=1) / total.sum()
     return permuted(float(shuffled[0]), shuffled, len(objects), SHARE)

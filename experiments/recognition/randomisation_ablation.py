@@ -36,7 +36,7 @@ TABLE = Table(
 )
 
 ALL, NOISE_ONLY = "all drawn", "noise only"
-QUANTITIES = tuple(one.name for one in fields(RandomiseConfig))
+QUANTITIES = tuple(field.name for field in fields(RandomiseConfig))
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
@@ -55,18 +55,18 @@ def kinds(config: Config) -> dict[str, tuple[str, ...]]:
 
 def copied_as(config: Config, left_out: tuple[str, ...]) -> Config:
     """Return the configuration whose copies keep the quantities `left_out` nominal."""
-    chosen = replace(config.supervision.randomise, **dict.fromkeys(left_out, 0.0))
-    return replace(config, supervision=replace(config.supervision, randomise=chosen))
+    strengths = replace(config.supervision.randomise, **dict.fromkeys(left_out, 0.0))
+    return replace(config, supervision=replace(config.supervision, randomise=strengths))
 
 
 def score(config: Config, frame: Frame, copied: Copied) -> Result:
     """Build the table of each kind of copies and probe."""
 
-    def cells(one: Frame) -> Iterator[Cell]:
-        trained = ((kind, revolutions(one), copied(copied_as(config, names), one)) for kind, names in kinds(config).items())
-        return compared_trainings(config, one, "copies", trained, {NOISE_ONLY: "drawing all quantities helps"})
+    def cells(draw_frame: Frame) -> Iterator[Cell]:
+        trained = ((kind, revolutions(draw_frame), copied(copied_as(config, names), draw_frame)) for kind, names in kinds(config).items())
+        return compared_trainings(config, draw_frame, "copies", trained, {NOISE_ONLY: "drawing all quantities helps"})
 
     rows = table_rows(config, frame, cells)
-    shown = grouped(rows, "copies", "probe")
-    metrics = values({kind: shown[kind] for kind in (ALL, NOISE_ONLY)})
-    return Result(TABLE.name, rows, {TABLE.name: lambda: bars(shown, "accuracy")}, metrics, keys(frame))
+    groups = grouped(rows, "copies", "probe")
+    metrics = values({kind: groups[kind] for kind in (ALL, NOISE_ONLY)})
+    return Result(TABLE.name, rows, {TABLE.name: lambda: bars(groups, "accuracy")}, metrics, keys(frame))

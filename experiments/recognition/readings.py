@@ -42,10 +42,10 @@ def gathered(rows: Frame, names: Sequence[str], values: Iterable[NDArray], turns
         turns: whether each row of the values is a revolution, which counts as a recording of its own.
     """
     parts = []
-    for row, own in zip(rows.itertuples(), values, strict=True):
+    for row, vectors in zip(rows.itertuples(), values, strict=True):
         name, domain = recording_name(row.domain, row), samples.MEASURED if row.domain == MEASURED else SIMULATED
-        cut = [(f"{name} turn {number:02d}", one) for number, one in enumerate(own)] if turns else [(name, own)]
-        parts += [Part(one, row.object, domain, part, stratum(row.distance_m), name) for one, part in cut]
+        cut = [(f"{name} turn {number:02d}", revolution) for number, revolution in enumerate(vectors)] if turns else [(name, vectors)]
+        parts += [Part(recording, row.object, domain, part, stratum(row.distance_m), name) for recording, part in cut]
     return gather(names, parts)
 
 
@@ -104,9 +104,9 @@ def reflector(rows: Frame) -> Frame:
 
     Raises InputError if the rows have no reflector.
     """
-    found = rows[rows.object == REFLECTOR]
-    if set(found.domain) < set(COMPARED):
+    reflectors = rows[rows.object == REFLECTOR]
+    if set(reflectors.domain) < set(COMPARED):
         where = " and ".join(sorted({f"{motion} in {room}" for motion, room in zip(rows.motion, rows.room, strict=True)}))
         raise InputError(f"calibration: the campaign has no {where} recording of the {REFLECTOR}; record one")
-    distances = sorted(found.distance_m.unique())
-    return found[found.distance_m == distances[len(distances) // 2]].drop_duplicates("domain")
+    distances = sorted(reflectors.distance_m.unique())
+    return reflectors[reflectors.distance_m == distances[len(distances) // 2]].drop_duplicates("domain")

@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 from experiments.campaign.cases import TWIN
 from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
-from experiments.cells import Cell, keys, table_rows
+from experiments.cells import Cell
 from experiments.claims import Claim
 from experiments.draws import Part, Query
 from experiments.recognition import transfer
-from experiments.recognition.figures import Panels, bars, confusions, grouped, values
-from experiments.recognition.protocol import FLOOR_ONLY, SHAPE, Scored, correct, sign_test, statistics_columns
+from experiments.recognition.figures import Panels
+from experiments.recognition.protocol import FLOOR_ONLY, SHAPE, Scored, accuracy_result, correct, sign_test, statistics_columns
 from experiments.recognition.readings import by_side
 from experiments.statistics import share
 from radartwin.config.config import Config
@@ -81,14 +81,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 def score(config: Config, frame: Frame, progress: Progress) -> Result:
     """Build the table of accuracy for each simulation and kind of classes, of accuracy gains between simulations, and of paired tests."""
-    panels: Panels = {}
-    rows = table_rows(config, frame, partial(cells, config, progress, panels))
-    shown = grouped(rows, "classes")
-    figures = {
-        "reconstruction_ablation": lambda: bars(shown, "accuracy", grey=VOID),
-        "reconstruction_ablation_confusion": lambda: confusions(panels),
-    }
-    return Result(TABLE.name, rows, figures, values(shown), keys(frame))
+    return accuracy_result(TABLE, config, frame, partial(cells, config, progress), "classes", VOID)
 
 
 def cells(config: Config, progress: Progress, panels: Panels, frame: Frame) -> Iterator[Cell]:
@@ -99,11 +92,11 @@ def cells(config: Config, progress: Progress, panels: Panels, frame: Frame) -> I
             progress.say(f"{MOTION} drives in {ROOM}: {method}")
             answers[method] = transfer.predict(config, split)
         truth = splits[LABELLED].test.per_recording()
-        hits = {method: correct(some, truth.label) for method, some in answers.items()}
+        hits = {method: correct(predictions, truth.label) for method, predictions in answers.items()}
         claims = {method: Claim("", paper) for method, paper in PAPER[classes].items()}
         if names is None:
             claims[LABELLED] = replace(claims[LABELLED], text="with the room in the simulation, object accuracy is above chance")
-            panels |= {method: panels.get(method, (truth.label, some[0])) for method, some in answers.items()}
+            panels |= {method: panels.get(method, (truth.label, predictions[0])) for method, predictions in answers.items()}
         pairs = {pair: Claim(text if names is None or pair[1] == VOID else "", untestable=FLOOR_ONLY) for pair, text in BEATS.items()}
         scored = Scored(config, truth, frame, uniform_chance(truth) if names is None else majority_share(truth))
         yield from scored.compared({"classes": classes}, hits, pairs, claims, answers=None if names is None else answers)
@@ -116,14 +109,18 @@ def _paired(frame: Frame, hits: Mapping[str, NDArray], objects: NDArray) -> Iter
     the numbers of such recordings, and the share of random seeds for which labelled materials give the higher accuracy.
     """
     for better, worse, paper in ((LABELLED, UNIFORM, "23 against 6, p 0.001"), (LABELLED, VOID, "")):
-        one, two = (hits[method].mean(axis=0) > 0.5 for method in (better, worse))
-        columns = {"first_only": int(np.sum(one & ~two)), "second_only": int(np.sum(two & ~one)), **statistics_columns(one.size, 0.5)}
+        first_right, second_right = (hits[method].mean(axis=0) > 0.5 for method in (better, worse))
+        columns = {
+            "first_only": int(np.sum(first_right & ~second_right)),
+            "second_only": int(np.sum(second_right & ~first_right)),
+            **statistics_columns(first_right.size, 0.5),
+        }
         case = {"classes": "object", "method": f"{better} or {worse}", **columns}
         _, item = np.unique(objects, return_inverse=True)
-        leads = np.sign(np.bincount(item, one.astype(float) - two))
-        found = sign_test(int(np.sum(leads > 0)), int(np.sum(leads < 0)))
+        leads = np.sign(np.bincount(item, first_right.astype(float) - second_right))
+        estimate = sign_test(int(np.sum(leads > 0)), int(np.sum(leads < 0)))
         claim = Claim(f"more recordings are right with {better} alone", paper, bound=0.5, untestable=FLOOR_ONLY)
-        yield Cell(case, "share of the unequal objects", frame, found, claim, one.size)
+        yield Cell(case, "share of the unequal objects", frame, estimate, claim, first_right.size)
     leads = hits[LABELLED].mean(axis=1) > hits[UNIFORM].mean(axis=1)
     case = {"classes": "object", "method": f"{LABELLED} - {UNIFORM}", **statistics_columns(len(leads), 0.5)}
     yield Cell(case, "share of seeds in which it leads", frame, share(float(np.sum(leads)), len(leads)), Claim(paper="1.0"), len(leads))

@@ -79,9 +79,9 @@ def score(config: Config, frame: Frame, progress: Progress) -> Result:
 
     rows = table_rows(config, frame, partial(cells, config, progress, panels), exact)
     in_paper = [row for row in rows if row["room"] == PAPER_ROOM and row["method"] in (RAW, TRAINED)]
-    shown = grouped(in_paper, lambda row: f"{row['motion']}\n{row['classes']}")
+    groups = grouped(in_paper, lambda row: f"{row['motion']}\n{row['classes']}")
     figures = {
-        "rover_recognition": lambda: bars(shown, "accuracy", "squash court", grey=RAW),
+        "rover_recognition": lambda: bars(groups, "accuracy", "squash court", grey=RAW),
         "rover_confusion": lambda: confusions(panels),
     }
     metrics = {f"{r['room']}_{r['motion']}_object": r["value"] for r in rows if exact(r) and r["method"] == TRAINED and not r.get("truth")}
@@ -113,22 +113,22 @@ def _label_free(config: Config, panels: Panels, drives: Frame, raw: NDArray, pla
         split = transfer.ranked_split(drives, names)
         truth = split.test.per_recording()
         answers = {TRAINED: transfer.predict(config, split), RAW: [raw if names is None else np.array([names[label] for label in raw])]}
-        hits = {method: correct(some, truth.label) for method, some in answers.items()}
+        hits = {method: correct(predictions, truth.label) for method, predictions in answers.items()}
         chance = uniform_chance(truth) if names is None else majority_share(truth)
-        ours, theirs = PAPER.get((motion, classes), ("", "")) if in_paper else ("", "")
+        paper_trained, paper_raw = PAPER.get((motion, classes), ("", "")) if in_paper else ("", "")
         text = ""
         if motion == "lateral" and (in_paper or names is None):
             text = "label-free transfer is above chance" if in_paper else "label-free transfer stays at chance"
         # In the paper, recognition does not transfer in the other room.
-        claims = {TRAINED: Claim(text, ours) if in_paper else at_chance(text, ours, chance)}
-        fails = at_chance("matching raw signatures fails" if in_paper and names is None else "", theirs, chance)
+        claims = {TRAINED: Claim(text, paper_trained) if in_paper else at_chance(text, paper_trained, chance)}
+        fails = at_chance("matching raw signatures fails" if in_paper and names is None else "", paper_raw, chance)
         claims[RAW] = replace(fails, untestable=NO_SESSIONS)
         scored, gain = Scored(config, truth, drives, chance), Claim("training on the twin beats matching its raw signatures")
         yield from scored.compared(case, hits, {(TRAINED, RAW): gain}, claims, answers=None if names is None else answers)
         if names is None:
             if in_paper:
                 panels.setdefault(f"{motion} drive", (truth.label, answers[TRAINED][0]))
-            permuted = transfer.predict(config, split, lambda one, seed: label_free(shuffled(one.train, seed), one.test))
+            permuted = transfer.predict(config, split, lambda original, seed: label_free(shuffled(original.train, seed), original.test))
             yield scored.control({**case, "method": "simulated labels shuffled"}, correct(permuted, truth.label).mean(axis=1))
 
 
@@ -136,14 +136,14 @@ def _materials(config: Config, drives: Frame, raw: NDArray, place: Mapping[str, 
     """Declare the cells of supervision level (ii): accuracy of material classes with and without calibration by one reflector recording,
     which is not scored.
     """
-    ours, theirs = PAPER[place["motion"], "material"] if place["room"] == PAPER_ROOM else ("", "")
+    paper_trained, paper_raw = PAPER[place["motion"], "material"] if place["room"] == PAPER_ROOM else ("", "")
     plain, mapped = (transfer.calibrated_split(drives, MATERIAL, mapped) for mapped in (False, True))
     truth = plain.test.per_recording()
     of_raw = np.array([MATERIAL[name] for name in raw[transfer.of_domains(drives)[1].per_recording().label != REFLECTOR]])
     methods = {
-        RAW: ([of_raw], theirs),
+        RAW: ([of_raw], paper_raw),
         "without calibration": (transfer.predict(config, plain), ""),
-        TRAINED: (transfer.predict(config, mapped), ours),
+        TRAINED: (transfer.predict(config, mapped), paper_trained),
     }
     for method, (answers, paper) in methods.items():
         case, hits = {"supervision": "calibrated", **place, "classes": "material", "method": method}, correct(answers, truth.label)
@@ -164,7 +164,7 @@ def _few_shot(config: Config, drives: Frame, place: Mapping[str, str]) -> Iterat
     for number, seed in enumerate(seeds(config)):
         known, rest = draw_shots(measured, shots, seed)
         truth = rest.per_recording()
-        found = forest(Split("few_shot", join(simulated, known), rest, shots), seed, supervision.trees)
-        hits[number, np.isin(recordings.recording, truth.recording)] = found == truth.label
+        predicted = forest(Split("few_shot", join(simulated, known), rest, shots), seed, supervision.trees)
+        hits[number, np.isin(recordings.recording, truth.recording)] = predicted == truth.label
     case = {"supervision": "few_shot", **place, "classes": "object", "method": f"trained on simulation and {shots} recordings per class"}
     yield Scored(config, recordings, drives, uniform_chance(recordings)).accuracy(case, hits)

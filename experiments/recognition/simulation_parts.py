@@ -56,7 +56,8 @@ def query(config: Config) -> Query:
         NO_ROOM: replace(config, materials=VoidMaterials()),
         RIVAL: rf_genesis(config),
     }
-    return Query(config, (MOTION,), several=True, side=EVERYTHING, more=[Part(TWIN, own, {"side": name}) for name, own in others.items()])
+    more = [Part(TWIN, side_config, {"side": name}) for name, side_config in others.items()]
+    return Query(config, (MOTION,), several=True, side=EVERYTHING, more=more)
 
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
@@ -76,15 +77,15 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 def score(config: Config, frame: Frame, copied: Copied) -> Result:
     """Build the table of each simulation and probe."""
 
-    def cells(one: Frame) -> Iterator[Cell]:
-        measured, sides = revolutions(one), by_side(one)
+    def cells(draw_frame: Frame) -> Iterator[Cell]:
+        measured, sides = revolutions(draw_frame), by_side(draw_frame)
         rows = {name: (name, measured, copied(config, sides[name])) for name in sides}
         rows[NO_LEVEL] = (NO_LEVEL, without(measured, BRIGHTNESS), without(rows[EVERYTHING][2], BRIGHTNESS))
-        of = one.assign(side="")  # each row names the recordings of all simulations
+        of = draw_frame.assign(side="")  # each row names the recordings of all simulations
         return compared_trainings(config, of, "simulation", [rows[name] for name in (EVERYTHING, *HELPS)], HELPS)
 
     rows = table_rows(config, frame, cells)
-    shown = grouped(rows, "probe", "simulation")
+    groups = grouped(rows, "probe", "simulation")
     # encoder_comparison and labelled_probe have the rows of the whole simulation, and labelled_probe those of the rival with labels
     kept = [row for row in rows if row["simulation"] != EVERYTHING and (row["probe"] == TEXT or RIVAL not in row["simulation"])]
-    return Result(TABLE.name, kept, {TABLE.name: lambda: bars(shown, "accuracy", grey=RIVAL)}, values(shown), keys(frame))
+    return Result(TABLE.name, kept, {TABLE.name: lambda: bars(groups, "accuracy", grey=RIVAL)}, values(groups), keys(frame))

@@ -39,8 +39,8 @@ def ranked(samples: Samples) -> Samples:
 
 def ranked_split(drives: Frame, classes: Mapping[str, str] | None = None) -> Split:
     """Return the split that trains on ranked simulated frames and tests on ranked measured frames. `classes` maps objects to classes."""
-    found = [ranked(one) for one in of_domains(drives)]
-    return label_free(*(found if classes is None else [one.relabelled(classes) for one in found]))
+    ranked_domains = [ranked(rows) for rows in of_domains(drives)]
+    return label_free(*(ranked_domains if classes is None else [rows.relabelled(classes) for rows in ranked_domains]))
 
 
 def predict(config: Config, split: Split, change: Callable[[Split, int], Split] = lambda split, seed: split) -> list[NDArray]:
@@ -63,10 +63,10 @@ def calibrated_split(drives: Frame, classes: Mapping[str, str], mapped: bool = T
     """
     simulated, measured = of_domains(drives)
     if mapped:
-        ours, theirs = (one.values for one in of_domains(reflector(drives)))
+        simulated_levels, measured_levels = (rows.values for rows in of_domains(reflector(drives)))
         energy = np.array([name.endswith(ENERGY) for name in simulated.names])
         values = simulated.values.copy()
-        values[:, energy] = fit_map(ours[:, energy], theirs[:, energy]).apply(values[:, energy])
+        values[:, energy] = fit_map(simulated_levels[:, energy], measured_levels[:, energy]).apply(values[:, energy])
         simulated = simulated.with_values(values)
     simulated, measured = simulated.without(REFLECTOR), measured.without(REFLECTOR)
     return Split("calibrated", simulated.relabelled(classes), measured.relabelled(classes), calibration_object=REFLECTOR)

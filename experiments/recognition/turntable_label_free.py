@@ -14,16 +14,17 @@ from functools import partial
 
 from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
-from experiments.cells import Cell, keys, table_rows
+from experiments.cells import Cell
 from experiments.claims import NONE, Claim
 from experiments.draws import Query
 from experiments.recognition.copies import Copied
-from experiments.recognition.figures import Panels, bars, confusions, grouped, values
+from experiments.recognition.figures import Panels
 from experiments.recognition.protocol import (
     GEOMETRY,
     MATERIAL,
     SAME_MODELS,
     Scored,
+    accuracy_result,
     anchors,
     at_chance,
     correct,
@@ -69,14 +70,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 def score(config: Config, frame: Frame, copied: Copied) -> Result:
     """Build the table for each attribute (geometry, material) and method, and for the object itself."""
-    panels: Panels = {}
-    rows = table_rows(config, frame, partial(cells, config, copied, panels))
-    shown = grouped(rows, "attribute")
-    figures = {
-        "turntable_label_free": lambda: bars(shown, "accuracy", grey=RANKS),
-        "turntable_label_free_confusion": lambda: confusions(panels),
-    }
-    return Result(TABLE.name, rows, figures, values(shown), keys(frame))
+    return accuracy_result(TABLE, config, frame, partial(cells, config, copied), "attribute", RANKS)
 
 
 def cells(config: Config, copied: Copied, panels: Panels, frame: Frame) -> Iterator[Cell]:
@@ -84,12 +78,12 @@ def cells(config: Config, copied: Copied, panels: Panels, frame: Frame) -> Itera
     split = label_free(ranked(copied(config, frame)), ranked(revolutions(frame)))
     trained = encoders(config, split)
     for attribute, classes in (("geometry", GEOMETRY), ("material", MATERIAL)):
-        embedded = [[encoder.embedded(one.relabelled(classes)) for one in (split.train, split.test)] for encoder in trained]
+        embedded = [[encoder.embedded(rows.relabelled(classes)) for rows in (split.train, split.test)] for encoder in trained]
         plain = label_free(split.train.relabelled(classes), split.test.relabelled(classes))
         scored = Scored(config, plain.test, frame, majority_share(plain.test))
         claim = Claim(f"{attribute} transfers: above the majority", PAPER[attribute])
         for method, splits, claimed in ((RANKS, [plain], NONE), (ENCODER, [label_free(*pair) for pair in embedded], claim)):
-            answers = [transferred_probe(one) for one in splits]
+            answers = [transferred_probe(method_split) for method_split in splits]
             case = {"supervision": "label_free", "attribute": attribute, "method": method}
             yield scored.accuracy(case, correct(answers, plain.test.label), claimed, answers=answers)
     texts, temperature = anchors(split.test.classes), settings(config).temperature

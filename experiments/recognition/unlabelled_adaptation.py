@@ -65,8 +65,8 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 def score(config: Config, frame: Frame, copied: Copied) -> Result:
     """Build the table of each batch and method."""
     rows = table_rows(config, frame, partial(cells, config, copied))
-    shown = grouped(rows, "batch")
-    return Result(TABLE.name, rows, {TABLE.name: lambda: bars(shown, "accuracy", grey=NONE)}, values(shown), keys(frame))
+    groups = grouped(rows, "batch")
+    return Result(TABLE.name, rows, {TABLE.name: lambda: bars(groups, "accuracy", grey=NONE)}, values(groups), keys(frame))
 
 
 def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
@@ -74,12 +74,12 @@ def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
     whole, copies = revolutions(frame), copied(config, frame)
     simulated = scaled(copies)
     place = {name: row for row, name in enumerate(whole.recording)}
-    texts, chosen = anchors(whole.classes), settings(config)
+    texts, encoder_settings = anchors(whole.classes), settings(config)
     batches = ("balanced", "skewed") if len(skewed(whole, config.seed)) < len(whole) else ("balanced",)
     # the skewed batch differs between seeds, so that a row is missing in the batches of some seeds
     hits = {batch: {method: np.full((len(seeds(config)), len(whole)), np.nan) for method in METHODS} for batch in batches}
     for number, seed in enumerate(seeds(config)):
-        encoder = fit(label_free(simulated, whole), texts, chosen, seed).encoder
+        encoder = fit(label_free(simulated, whole), texts, encoder_settings, seed).encoder
         for batch in batches:
             rows = whole if batch == "balanced" else skewed(whole, seed)
             at = [place[name] for name in rows.recording]
@@ -87,11 +87,11 @@ def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
                 named = _predict(method, encoder, simulated, copies, rows, texts, config, seed)
                 hits[batch][method][number, at] = named == rows.label
     scored = Scored(config, whole, frame, uniform_chance(whole))
-    for batch, found in hits.items():
+    for batch, batch_hits in hits.items():
         pairs = {(method, STATISTICS): Claim() for method in METHODS if method != STATISTICS}
         if batch == "skewed":
             pairs[WEIGHTED, STATISTICS] = Claim("unequal class shares are corrected")
-        yield from scored.compared({"supervision": "label_free", "batch": batch}, found, pairs)
+        yield from scored.compared({"supervision": "label_free", "batch": batch}, batch_hits, pairs)
 
 
 def _predict(
@@ -105,10 +105,10 @@ def _predict(
     seed: int,
 ) -> NDArray[np.str_]:
     """Return the predicted class of each row of the batch. The class labels of the batch are not used."""
-    chosen, classes = settings(config), sorted(texts)
+    encoder_settings, classes = settings(config), sorted(texts)
 
     def probabilities(rows: Unlabelled) -> NDArray:
-        return text_scores(encoder.embed(rows.values), np.stack([texts[name] for name in classes]), chosen.temperature)
+        return text_scores(encoder.embed(rows.values), np.stack([texts[name] for name in classes]), encoder_settings.temperature)
 
     if method == NONE:
         centre, spread = unscaled.values.mean(axis=0), np.maximum(unscaled.values.std(axis=0), repeatability(unscaled.names))
@@ -118,5 +118,5 @@ def _predict(
     else:
         adapted = scaled(batch)
     if method in ALIGNMENTS:
-        encoder = align(encoder, label_free(simulated, adapted), texts, chosen, seed, ALIGNMENTS[method])
-    return nearest_text(encoder, adapted.unlabelled(), texts, chosen.temperature)
+        encoder = align(encoder, label_free(simulated, adapted), texts, encoder_settings, seed, ALIGNMENTS[method])
+    return nearest_text(encoder, adapted.unlabelled(), texts, encoder_settings.temperature)

@@ -26,19 +26,19 @@ def panels_figure(frame: Frame) -> Figure:
     The levels of each map are relative to the maximum of the map.
     """
     places = [place for place, _ in frame.groupby(["room", "motion", "distance_m"])]
-    place = next((one for one in places if one[1] == "depth"), places[0])
+    place = next((candidate for candidate in places if candidate[1] == "depth"), places[0])
     here = frame[(frame.room == place[0]) & (frame.motion == place[1]) & (frame.distance_m == place[2])]
     names = [name for name in SHOWN if name in set(here.object)] or list(here.object.unique()[:4])
     drawing, panels = figure(len(COMPARED), len(names), width_in=PAGE_WIDTH_IN, height_in=3.6, sharex=True, sharey=True, squeeze=False)
     for line, domain in zip(panels, COMPARED, strict=True):
         for panel, name in zip(line, names, strict=True):
-            one = next(here[(here.domain == domain) & (here.object == name)].itertuples())
-            inside = (one.range_m >= NEAR_M) & (one.range_m <= FAR_M)
-            level = 10 * np.log10(np.maximum(one.power[:, inside] / one.power[:, inside].max(), 1e-12))
-            end = len(level) / one.frame_rate_hz
-            extent = (0, end, float(one.range_m[inside][0]), float(one.range_m[inside][-1]))
+            drive = next(here[(here.domain == domain) & (here.object == name)].itertuples())
+            inside = (drive.range_m >= NEAR_M) & (drive.range_m <= FAR_M)
+            level = 10 * np.log10(np.maximum(drive.power[:, inside] / drive.power[:, inside].max(), 1e-12))
+            end = len(level) / drive.frame_rate_hz
+            extent = (0, end, float(drive.range_m[inside][0]), float(drive.range_m[inside][-1]))
             range_map(panel, level, extent, 0, SPAN_DB)
-            panel.plot((np.arange(len(level)) + 0.5) / one.frame_rate_hz, one.track_m, color="white", lw=0.8, ls=":")
+            panel.plot((np.arange(len(level)) + 0.5) / drive.frame_rate_hz, drive.track_m, color="white", lw=0.8, ls=":")
             if domain == MEASURED:
                 panel.set_title(catalogue()[name].label, fontsize=8)
         line[0].set_ylabel(f"{LABELS[domain]}\nrange (m)")
@@ -49,14 +49,14 @@ def panels_figure(frame: Frame) -> Figure:
     return drawing
 
 
-def correlation_figure(found: Frame) -> Figure:
+def correlation_figure(agreements: Frame) -> Figure:
     """Draw the rank correlations over objects by feature family (rover_fidelity.agreements), in one panel per room and motion."""
-    groups = [*found.groupby(["room", "motion"])]
-    families = list(found.family.unique())
+    groups = [*agreements.groupby(["room", "motion"])]
+    families = list(agreements.family.unique())
     drawing, panels = figure(1, max(len(groups), 1), width_in=PAGE_WIDTH_IN, height_in=2.6, sharey=True, squeeze=False)
-    for panel, ((room, motion), some) in zip(panels[0], groups, strict=False):
+    for panel, ((room, motion), group) in zip(panels[0], groups, strict=False):
         for i, family in enumerate(families):
-            values = some.rho[some.family == family]
+            values = group.rho[group.family == family]
             if len(values):
                 spread = np.linspace(-0.25, 0.25, len(values)) if len(values) > 1 else np.zeros(1)
                 panel.plot(values, i + spread, ".", ms=4, color=PALETTE[0], alpha=0.7)

@@ -78,14 +78,14 @@ def cells(frame: Frame) -> Iterator[Cell]:
     pairs = paired(frame).sort_values(WHERE, ignore_index=True)
     drives = [clouds(pairs["detections" + end], pairs["nominal_m" + end]) for end in ("", "_twin")]
     pairs = pairs.join(pd.DataFrame([compared(*both) for both in zip(*drives, strict=True)]))
-    for (place, here), (_, some) in zip(frame.groupby(WHERE), pairs.groupby(WHERE), strict=True):
+    for (place, here), (_, group) in zip(frame.groupby(WHERE), pairs.groupby(WHERE), strict=True):
         for metric in METRICS:
-            if len(defined := some[metric].dropna()):
+            if len(defined := group[metric].dropna()):
                 yield Cell(_at(place), metric, here, mean(defined, SHARE if metric in SHARES else POSITIVE))
     pairs[GAIN] = pairs[FOUND] - pairs[CONTROL]
-    for (room, motion), some in pairs.dropna(subset=GAIN).groupby(["room", "motion"]):
+    for (room, motion), group in pairs.dropna(subset=GAIN).groupby(["room", "motion"]):
         here = frame[(frame.room == room) & (frame.motion == motion)]
-        yield Cell(_at((room, motion, None)), GAIN, here, mean(some[GAIN], SIGNED), BETTER if len(some) > 1 else NONE)
+        yield Cell(_at((room, motion, None)), GAIN, here, mean(group[GAIN], SIGNED), BETTER if len(group) > 1 else NONE)
 
 
 def _at(place: tuple[str, str, float | None]) -> dict[str, Any]:
@@ -94,21 +94,21 @@ def _at(place: tuple[str, str, float | None]) -> dict[str, Any]:
 
 def clouds(detections: Column, series: Column) -> list[Clouds]:
     """Return the detections of each frame of several drives, whose number of frames is the length of their time series."""
-    return [[one[one[:, 0] == k, 1:] for k in range(len(frames))] for one, frames in zip(detections, series, strict=True)]
+    return [[points[points[:, 0] == k, 1:] for k in range(len(frames))] for points, frames in zip(detections, series, strict=True)]
 
 
 def compared(measured: Clouds, simulated: Clouds) -> dict[str, float]:
     """Return the mean of each metric over the common frames of two recordings; NaN if no frame has a value of the metric."""
     values = defaultdict(list)
-    for one, two in zip(measured, simulated, strict=False):
-        moved = [np.column_stack([NEAR_M + (two[:, 0] - NEAR_M + by) % (FAR_M - NEAR_M), two[:, 1]]) for by in SHIFTS_M]
-        values[FOUND].append(cloud.matched(one, two, NEAR_RANGE_M, NEAR_AZIMUTH_RAD))
-        values[CONTROL].append(float(np.mean([cloud.matched(one, other, NEAR_RANGE_M, NEAR_AZIMUTH_RAD) for other in moved])))
-        values[EXTRA].append(cloud.matched(two, one, NEAR_RANGE_M, NEAR_AZIMUTH_RAD))
-        values[CHAMFER].append(cloud.chamfer_m(one, two))
-        values[COUNTS[MEASURED]].append(float(len(one)))
-        values[COUNTS[TWIN]].append(float(len(two)))
-    return {metric: _mean(some) for metric, some in values.items()}
+    for points, twin_points in zip(measured, simulated, strict=False):
+        moved = [np.column_stack([NEAR_M + (twin_points[:, 0] - NEAR_M + by) % (FAR_M - NEAR_M), twin_points[:, 1]]) for by in SHIFTS_M]
+        values[FOUND].append(cloud.matched(points, twin_points, NEAR_RANGE_M, NEAR_AZIMUTH_RAD))
+        values[CONTROL].append(float(np.mean([cloud.matched(points, other, NEAR_RANGE_M, NEAR_AZIMUTH_RAD) for other in moved])))
+        values[EXTRA].append(cloud.matched(twin_points, points, NEAR_RANGE_M, NEAR_AZIMUTH_RAD))
+        values[CHAMFER].append(cloud.chamfer_m(points, twin_points))
+        values[COUNTS[MEASURED]].append(float(len(points)))
+        values[COUNTS[TWIN]].append(float(len(twin_points)))
+    return {metric: _mean(of_frames) for metric, of_frames in values.items()}
 
 
 def _mean(values: list[float]) -> float:
@@ -118,9 +118,9 @@ def _mean(values: list[float]) -> float:
 
 def _figure(frame: Frame) -> Figure:
     """Draw both clouds of all frames of one drive per motion, from above, in the frame of the radar."""
-    chosen = paired(frame).drop_duplicates("motion")
-    drawing, panels = figure(1, len(chosen), width_in=PAGE_WIDTH_IN, height_in=3.2, sharex=True, sharey=True, squeeze=False)
-    for panel, drive in zip(panels[0], chosen.itertuples(), strict=True):
+    drives = paired(frame).drop_duplicates("motion")
+    drawing, panels = figure(1, len(drives), width_in=PAGE_WIDTH_IN, height_in=3.2, sharex=True, sharey=True, squeeze=False)
+    for panel, drive in zip(panels[0], drives.itertuples(), strict=True):
         for domain, points, colour, marker in (
             (MEASURED, drive.detections, PALETTE[0], "o"), (TWIN, drive.detections_twin, PALETTE[1], "+"),
         ):  # fmt: skip

@@ -62,24 +62,24 @@ def score(config: Config, frame: Frame) -> Result:
     """Build the table rows for each motion. Slices for which the campaign has no recordings are left out."""
     rows = table_rows(config, frame, cells)
     metrics = {f"{r['metric'].replace(' ', '_')}_{r['motion']}": r["value"] for r in rows if r["case"] in ("pooled", "matched")}
-    shown = slices(first_draw(frame))
-    return Result(TABLE.name, rows, {"rover_slices": lambda: slices_figure(shown)} if shown else {}, metrics, keys(frame))
+    slice_values = slices(first_draw(frame))
+    return Result(TABLE.name, rows, {"rover_slices": lambda: slices_figure(slice_values)} if slice_values else {}, metrics, keys(frame))
 
 
 def slices(frame: Frame) -> dict[tuple[str, str], NDArray]:
     """Return the values that the figure shows, by motion and factor."""
-    found = {}
+    by_slice = {}
     for motion, drives in frame.groupby("motion"):
         levels = standardised(drives)
-        found |= {(motion, factor): slice_correlations(levels, factor) for factor in ("object", "distance")}
-        found[motion, "room"] = 2 * room_signs(levels) - 1
-    return {key: values for key, values in found.items() if len(values)}
+        by_slice |= {(motion, factor): slice_correlations(levels, factor) for factor in ("object", "distance")}
+        by_slice[motion, "room"] = 2 * room_signs(levels) - 1
+    return {key: values for key, values in by_slice.items() if len(values)}
 
 
 def standardised(drives: Frame) -> Levels:
     """Scale the features of one motion to zero mean and unit standard deviation within each domain. Constant features are left out."""
     names = features(drives)
-    both = [drives[drives.domain == one].groupby(["object", "room", "distance_m"], sort=False)[names].mean() for one in COMPARED]
+    both = [drives[drives.domain == domain].groupby(["object", "room", "distance_m"], sort=False)[names].mean() for domain in COMPARED]
     varies = np.all([values.std(ddof=0) > 1e-9 * (1 + values.abs().max()) for values in both], axis=0)
     scaled = [((values - values.mean()) / values.std(ddof=0)).loc[both[0].index, varies].to_numpy() for values in both]
     return dict(zip(both[0].index, np.stack(scaled, axis=1), strict=True))
@@ -104,10 +104,10 @@ def statistics_of(levels: Levels) -> Iterator[tuple[str, str, Statistic, Limits,
     if len({distance for _, _, distance in levels}) > 1:
         metric = "highest correlation of a feature"
         for case, of in (("pooled", pooled), ("matched", matched)):
-            yield case, metric, lambda some, of=of: float(np.nanmax(of(some))), statistics.SIGNED, NONE
+            yield case, metric, lambda resampled, of=of: float(np.nanmax(of(resampled))), statistics.SIGNED, NONE
         yield "pooled less matched", metric, inflation, (-2.0, 2.0), INFLATED
     for factor in (shares := effects(levels)):
-        yield factor, SHARE, lambda some, of=factor: effects(some).get(of, float("nan")), statistics.SHARE, NONE
+        yield factor, SHARE, lambda resampled, of=factor: effects(resampled).get(of, float("nan")), statistics.SHARE, NONE
     if len(shares) == len(POSITIONS):
         yield "room less the larger of the others", SHARE, _room_lead, statistics.SIGNED, ROOM_FIRST
 
@@ -117,8 +117,8 @@ def slice_correlations(levels: Levels, factor: str) -> NDArray[np.floating]:
     are left out.
     """
     slices = _grouped(levels, lambda label: tuple(part for i, part in enumerate(label) if i != POSITIONS[factor]))
-    found = [_rank_correlations(some) for some in slices if len(some) >= 3]
-    values = np.concatenate(found) if found else np.zeros(0)
+    correlations = [_rank_correlations(members) for members in slices if len(members) >= 3]
+    values = np.concatenate(correlations) if correlations else np.zeros(0)
     return values[np.isfinite(values)]
 
 
@@ -127,15 +127,15 @@ def room_signs(levels: Levels) -> NDArray[np.floating]:
 
     The entry is 1 if the feature is higher in the same one of the two rooms in measurement and simulation. Unchanged features are left out.
     """
-    found = []
+    signs = []
     rooms = sorted({room for _, room, _ in levels})
     for name, room, distance in levels:
         for other in rooms:
             if room < other and (name, other, distance) in levels:
                 change = levels[name, other, distance] - levels[name, room, distance]
                 changes = np.abs(change).min(axis=0) > 1e-9
-                found.append((np.sign(change[0]) == np.sign(change[1]))[changes])
-    return np.concatenate(found).astype(float) if found else np.zeros(0)
+                signs.append((np.sign(change[0]) == np.sign(change[1]))[changes])
+    return np.concatenate(signs).astype(float) if signs else np.zeros(0)
 
 
 def pooled(levels: Levels) -> NDArray[np.floating]:
@@ -164,7 +164,7 @@ def effects(levels: Levels) -> dict[str, float]:
     gap = gap - gap.mean(axis=0)
     total = np.sum(gap**2, axis=0)
     varies = total > 1e-12
-    found = {}
+    by_factor = {}
     for factor, position in POSITIONS.items():
         values = sorted({label[position] for label in labels})
         if len(values) < 2:
@@ -173,8 +173,8 @@ def effects(levels: Levels) -> dict[str, float]:
         for level in values:
             rows = [label[position] == level for label in labels]
             explained += np.sum(rows) * gap[rows].mean(axis=0) ** 2
-        found[factor] = float(np.mean(explained[varies] / total[varies])) / (len(values) - 1) if varies.any() else 0.0
-    return found
+        by_factor[factor] = float(np.mean(explained[varies] / total[varies])) / (len(values) - 1) if varies.any() else 0.0
+    return by_factor
 
 
 def inflation(levels: Levels) -> float:
@@ -197,16 +197,16 @@ def _grouped(levels: Levels, group: Callable[[Label], Any]) -> list[NDArray]:
     groups: dict[Any, list[NDArray]] = {}
     for label, values in levels.items():
         groups.setdefault(group(label), []).append(values)
-    return [np.stack(some) for some in groups.values()]
+    return [np.stack(members) for members in groups.values()]
 
 
 def _mean_correlation(levels: Levels, group: Callable[[Label], Any]) -> NDArray[np.floating]:
     """Return the rank correlation of measured and simulated values, as a mean over groups, for each feature (features,). Groups in which a
     feature is constant do not count; NaN if no group is left.
     """
-    found = np.stack([_rank_correlations(some) for some in _grouped(levels, group)])
-    finite = np.isfinite(found)
-    return np.where(finite.any(axis=0), np.where(finite, found, 0).sum(axis=0) / np.maximum(finite.sum(axis=0), 1), np.nan)
+    correlations = np.stack([_rank_correlations(members) for members in _grouped(levels, group)])
+    finite = np.isfinite(correlations)
+    return np.where(finite.any(axis=0), np.where(finite, correlations, 0).sum(axis=0) / np.maximum(finite.sum(axis=0), 1), np.nan)
 
 
 def _rank_correlations(values: NDArray) -> NDArray[np.floating]:
@@ -232,10 +232,10 @@ def bootstrap(
     rng = np.random.default_rng(seed)
     drawn = []
     for _ in range(min(resamples, MOST_DRAWN)):
-        chosen = rng.choice(len(names), len(names))
+        index = rng.choice(len(names), len(names))
         again = {
             (str(number), room, distance): values
-            for number, i in enumerate(chosen)
+            for number, i in enumerate(index)
             for (name, room, distance), values in levels.items()
             if name == names[i]
         }

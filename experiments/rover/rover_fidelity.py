@@ -95,14 +95,14 @@ def agreements(frame: Frame) -> Frame:
     objects at each place (columns WHERE) with three or more objects. Features without variation between the objects in either domain are
     left out.
     """
-    found = []
+    rows = []
     for place, here in frame.groupby(WHERE):
         if here.object.nunique() > 2:
             first, second = (per(features(here), domain)(here) for domain in COMPARED)
             for name in first.columns[(np.ptp(first, axis=0) > 0) & (np.ptp(second, axis=0) > 0)]:
                 rho = statistics.rank_correlation(first[name], second[name])
-                found.append((*place, name, family(name), rho))
-    return pd.DataFrame(found, columns=[*WHERE, "feature", "family", "rho"])
+                rows.append((*place, name, family(name), rho))
+    return pd.DataFrame(rows, columns=[*WHERE, "feature", "family", "rho"])
 
 
 def family(feature: str) -> str:
@@ -137,16 +137,17 @@ def _signals(here: Frame, place: Place) -> Iterator[Cell]:
     pairs = paired(here)
     if place[1] == "depth":
         tracks = [
-            statistics.correlation(*aligned((one.energy, one.track_m), (one.energy_twin, one.track_m_twin))) for one in pairs.itertuples()
+            statistics.correlation(*aligned((drive.energy, drive.track_m), (drive.energy_twin, drive.track_m_twin)))
+            for drive in pairs.itertuples()
         ]
         yield Cell(_case("all objects", place), "track correlation", here, mean(tracks, statistics.SIGNED, statistics.FISHER), OVERLAYS)
-    for kind, some in pairs.groupby("material_class", sort=False):
-        alike = [profile_correlation(one.profile, one.profile_twin, one.range_m) for one in some.itertuples()]
+    for kind, of_kind in pairs.groupby("material_class", sort=False):
+        alike = [profile_correlation(drive.profile, drive.profile_twin, drive.range_m) for drive in of_kind.itertuples()]
         claim = PLACED if kind == "metal" and place[1] == "depth" else NONE
         yield Cell(_case(kind, place), "range-profile correlation", here, mean(alike, statistics.SIGNED, statistics.FISHER), claim)
     for domain in COMPARED:
-        drives = [one for one in here[here.domain == domain].itertuples() if len(one.velocity_mps)]
-        error = [float(np.sqrt(np.mean((one.velocity_mps - range_rate(one.nominal_m, one.frame_rate_hz)) ** 2))) for one in drives]
+        drives = [drive for drive in here[here.domain == domain].itertuples() if len(drive.velocity_mps)]
+        error = [float(np.sqrt(np.mean((drive.velocity_mps - range_rate(drive.nominal_m, drive.frame_rate_hz)) ** 2))) for drive in drives]
         if error:
             yield Cell(_case("all objects", place, LABELS[domain]), "velocity error, rms (m/s)", here, mean(error, statistics.POSITIVE))
 
@@ -155,19 +156,19 @@ def _orders(frame: Frame) -> Iterator[Cell]:
     """Declare the share of positive rank correlations and the mean correlation of each feature family, for each room and motion. The last
     cell is the share of features whose mean rank correlation does not exceed that of the feature `multipath share`.
     """
-    found = agreements(frame)
-    used = frame.merge(found[WHERE].drop_duplicates())
-    for (room, motion), some in found.groupby(["room", "motion"]):
-        here = used[(used.room == room) & (used.motion == motion)]
+    correlations = agreements(frame)
+    ordered = frame.merge(correlations[WHERE].drop_duplicates())
+    for (room, motion), group in correlations.groupby(["room", "motion"]):
+        here = ordered[(ordered.room == room) & (ordered.motion == motion)]
         claim = AGREE.get(room, NONE) if motion == "depth" else NONE
         yield Cell(_case("all features", (room, motion, None)), "share of features that order objects alike", here, share_alike, claim)
-        for name, of in some.groupby("family", sort=False):
+        for name, of in group.groupby("family", sort=False):
             yield Cell(_case(name, (room, motion, None)), "order of objects, mean", here, mean(of.rho, statistics.SIGNED))
-    means = found.groupby("feature").rho.mean()
+    means = correlations.groupby("feature").rho.mean()
     if MULTIPATH in means and len(means) > 1:
         beaten = float((means[MULTIPATH] >= means.drop(MULTIPATH)).mean())
         estimate = statistics.exact(beaten, len(means) - 1)
-        yield Cell(_case("multipath share"), "share of features less reliable", used, estimate, RELIABLE)
+        yield Cell(_case("multipath share"), "share of features less reliable", ordered, estimate, RELIABLE)
 
 
 def share_alike(rows: Frame, resamples: int, seed: int) -> Estimate:
@@ -180,9 +181,9 @@ def share_alike(rows: Frame, resamples: int, seed: int) -> Estimate:
     shuffled, positive = statistics.orders(len(names), seed), []
     for _, here in rows.groupby(WHERE):
         values = [per(features(here), domain)(here).sort_index() for domain in COMPARED]
-        varies = np.all([np.ptp(one, axis=0) > 0 for one in values], axis=0)
+        varies = np.all([np.ptp(levels, axis=0) > 0 for levels in values], axis=0)
         place = np.searchsorted(names, values[0].index.to_list())
-        measured, simulated = (one.to_numpy()[:, varies] for one in values)
+        measured, simulated = (levels.to_numpy()[:, varies] for levels in values)
         positive.append(_positive_shuffled(measured, simulated, shuffled[:, place]))
     shares = np.concatenate(positive, axis=1).mean(axis=1)
     return statistics.permuted(float(shares[0]), shares, len(names), statistics.SHARE)
@@ -194,11 +195,11 @@ def _positive_shuffled(measured: NDArray, simulated: NDArray, orders: NDArray) -
     """
     from scipy.stats import rankdata
 
-    one, two = (rankdata(values, axis=0) - (len(values) + 1) / 2 for values in (measured, simulated))
+    ranks, twin_ranks = (rankdata(values, axis=0) - (len(values) + 1) / 2 for values in (measured, simulated))
     order = np.argsort(orders, axis=1)
-    total = np.zeros((len(orders), one.shape[1]))
-    for number, row in enumerate(one):
-        total += row * two[order[:, number]]
+    total = np.zeros((len(orders), ranks.shape[1]))
+    for number, row in enumerate(ranks):
+        total += row * twin_ranks[order[:, number]]
     return total > 1e-9
 
 
@@ -240,11 +241,11 @@ def contrast_test(levels: NDArray, metal: NDArray[np.bool_]) -> float:
         levels: (2, objects, places) brightness in dB in both domains, NaN where an object is missing.
         metal: (objects,) whether an object is of metal; the other objects are of plastic.
     """
-    count, chosen = len(metal), int(metal.sum())
-    assigned = [np.isin(np.arange(count), some) for some in combinations(range(count), chosen)]
+    count, metal_count = len(metal), int(metal.sum())
+    assigned = [np.isin(np.arange(count), members) for members in combinations(range(count), metal_count)]
     labels, known = np.array([metal, *assigned], float), np.isfinite(levels).astype(float)
     with np.errstate(invalid="ignore"):  # a place without objects of one label has no contrast, which counts as 0 dB
-        means = [one @ np.nan_to_num(levels) / (one @ known) for one in (labels, 1 - labels)]
+        means = [weights @ np.nan_to_num(levels) / (weights @ known) for weights in (labels, 1 - labels)]
     contrasts = np.nan_to_num(means[0] - means[1]).mean(axis=-1)
     far = np.abs(contrasts[:, 1:]) >= np.abs(contrasts[:, :1]) - 1e-9
     one_sign = np.sign(contrasts[0, 0]) == np.sign(contrasts[1, 0])

@@ -55,24 +55,24 @@ def accuracy(mesh: trimesh.Trimesh, scene: Scene, truth: ScanTruth, frames: Fram
         frames: depth frames of the scan; the comparison uses their camera intrinsics.
     """
     nearest = Nearest([s.mesh for s in scene], SAMPLE_M)
-    points = _some(covered(np.asarray(mesh.triangles), SAMPLE_M)[0], COMPARED_POINTS)
+    points = _subset(covered(np.asarray(mesh.triangles), SAMPLE_M)[0], COMPARED_POINTS)
     move = fitted(points, nearest)
     moved = points @ move[:3, :3].T + move[:3, 3]
     distance, _ = nearest(moved)
 
-    own, face = covered(np.asarray(nearest.triangles), SAMPLE_M)
+    true_points, face = covered(np.asarray(nearest.triangles), SAMPLE_M)
     corners = nearest.triangles
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = 0.5 * np.linalg.norm(across, axis=1)
     area = (areas / np.bincount(face, minlength=len(areas)))[face]
     normals = (across / np.maximum(np.linalg.norm(across, axis=1), 1e-15)[:, None])[face]
-    seen = sighted(truth, frames)(own, normals, nearest.mesh_of[face])
+    seen = sighted(truth, frames)(true_points, normals, nearest.mesh_of[face])
     back = np.linalg.inv(move)
-    shown = Nearest([mesh], SAMPLE_M)(own[seen] @ back[:3, :3].T + back[:3, 3])[0] < COVERED_M
+    recovered = Nearest([mesh], SAMPLE_M)(true_points[seen] @ back[:3, :3].T + back[:3, 3])[0] < COVERED_M
     index = nearest.mesh_of[face[seen]]
     # Areas are summed by surface first, because another order of summation would change the last digits.
     have = np.bincount(index, weights=area[seen], minlength=len(scene))
-    show = np.bincount(index, weights=area[seen] * shown, minlength=len(scene))
+    show = np.bincount(index, weights=area[seen] * recovered, minlength=len(scene))
     return Accuracy(
         median_m=float(np.median(distance)),
         p95_m=float(np.quantile(distance, 0.95)),
@@ -107,13 +107,13 @@ def fitted(points: np.ndarray, nearest: Nearest) -> np.ndarray:
     """Return the rigid transform (4, 4) that brings points (N, 3) closest to the surfaces, by the point-to-plane distance."""
     from scipy.spatial.transform import Rotation
 
-    some = _some(points, FIT_POINTS)
+    sample = _subset(points, FIT_POINTS)
     corners = nearest.triangles
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-15)[:, None]
     move = np.eye(4)
     for _ in range(ALIGN_STEPS):
-        now = some @ move[:3, :3].T + move[:3, 3]
+        now = sample @ move[:3, :3].T + move[:3, 3]
         distance, face = nearest(now)
         good = distance < ALIGN_GATE_M
         middle, normal = now[good].mean(axis=0), normals[face[good]]
@@ -121,16 +121,16 @@ def fitted(points: np.ndarray, nearest: Nearest) -> np.ndarray:
         rows = np.hstack([np.cross(now[good] - middle, normal), normal])
         weight = 1 / (1 + (gap / 0.03) ** 2) ** 2
         step = np.linalg.solve((rows * weight[:, None]).T @ rows + 1e-6 * np.eye(6), (rows * weight[:, None]).T @ gap)
-        turn = Rotation.from_rotvec(step[:3]).as_matrix()
+        rotation = Rotation.from_rotvec(step[:3]).as_matrix()
         change = np.eye(4)
-        change[:3, :3], change[:3, 3] = turn, middle + step[3:] - turn @ middle
+        change[:3, :3], change[:3, 3] = rotation, middle + step[3:] - rotation @ middle
         move = change @ move
         if np.abs(step).max() < 1e-6:
             break
     return move
 
 
-def _some(points: np.ndarray, count: int) -> np.ndarray:
+def _subset(points: np.ndarray, count: int) -> np.ndarray:
     return points[np.random.default_rng(0).permutation(len(points))[:count]]
 
 

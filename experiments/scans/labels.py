@@ -83,11 +83,11 @@ def _labelled(source: str, scene: Scene, truth: Scene, seed: int) -> Scene:
     return material_source(source, **SOURCES[source])(scene)
 
 
-def _row(room: str, source: str, area_m2: float, metric: str, found: Estimate, key: str, category: str = "all", note: str = "",
+def _row(room: str, source: str, area_m2: float, metric: str, estimate: Estimate, key: str, category: str = "all", note: str = "",
          holds: bool | None = None) -> dict[str, Any]:  # fmt: skip
     return {
         "room": room, "source": source, "category": category, "area_m2": round(area_m2, 2), "note": note,
-        **claims.score_columns(metric, found, "virtual scan", holds, [key]),
+        **claims.score_columns(metric, estimate, "virtual scan", holds, [key]),
     }  # fmt: skip
 
 
@@ -103,8 +103,8 @@ def _answered(room: str, scene: Scene, key: str) -> dict[str, Any]:
 def _rows(room: str, judged: dict[str, Sequence[Judged]], key: str) -> list[dict[str, Any]]:
     """Return the rows of each material source over all categories, and the rows of the recorded answers by category."""
     rows = []
-    for source, found in judged.items():
-        for line in accuracy_table(found).to_dict("records"):
+    for source, answers in judged.items():
+        for line in accuracy_table(answers).to_dict("records"):
             if source != "vlm" and line["minc"] != "all":
                 continue
             n = int(line["n"])
@@ -118,7 +118,10 @@ def _rows(room: str, judged: dict[str, Sequence[Judged]], key: str) -> list[dict
             if source == "uniform":  # the uniform material has no category
                 del estimates["right category"]
             note = f"{line['guessed']:.0%} of the area has a substitute material or uncertain layers" if line["guessed"] else ""
-            rows += [_row(room, source, float(line["area_m2"]), metric, one, key, line["minc"], note) for metric, one in estimates.items()]
+            rows += [
+                _row(room, source, float(line["area_m2"]), metric, estimate, key, line["minc"], note)
+                for metric, estimate in estimates.items()
+            ]
     return rows
 
 

@@ -81,7 +81,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         scored[room, strength] = [product.read_json(SCORES) for product in products]
         keys += [product.key for product in products]
         rows += case_rows(room, strength, scored[room, strength], config.profile.resamples, config.seed, products[0].key)
-    figures: dict[str, Callable[[], Figure]] = {"scan_surfaces": lambda: _figure({case: found[0] for case, found in scored.items()})}
+    figures: dict[str, Callable[[], Figure]] = {"scan_surfaces": lambda: _figure({case: of_scans[0] for case, of_scans in scored.items()})}
     metrics = {f"{r['metric']}_{r['room']}_{r['strength']:g}": r["value"] for r in rows if r["verdict"]}
     return Result(TABLE.name, rows, figures, dict(list(metrics.items())[:30]), keys)
 
@@ -144,19 +144,19 @@ def case_rows(room: str, strength: float, scans: Sequence[dict[str, Any]], resam
         if metric in samples:
             if not len(samples[metric]):
                 continue  # a room without glass has no glass to find
-            found = statistics.mean(samples[metric], resamples, seed, SHARE)
+            estimate = statistics.mean(samples[metric], resamples, seed, SHARE)
         elif metric in weighted:
             group, name = weighted[metric]
             areas = _of_surfaces(group, "area_m2")
-            found = statistics.ratio(_of_surfaces(group, name) * areas, areas, resamples, seed)
+            estimate = statistics.ratio(_of_surfaces(group, name) * areas, areas, resamples, seed)
         elif metric == "worst_recall":
             worst = min(large, key=lambda s: s["recall"])
-            found = statistics.exact(worst["recall"], len(large))
+            estimate = statistics.exact(worst["recall"], len(large))
             said = f"{claim}: {worst['name']}, {worst['area_m2']:.1f} m2"
         else:
-            found = statistics.mean([scan[metric] for scan in scans], resamples, seed)
-        judged = metric not in samples or found.n >= FEWEST
-        rows.append(_row(room, strength, metric, said, found, len(scans), key, judged))
+            estimate = statistics.mean([scan[metric] for scan in scans], resamples, seed)
+        judged = metric not in samples or estimate.n >= FEWEST
+        rows.append(_row(room, strength, metric, said, estimate, len(scans), key, judged))
     return rows
 
 
@@ -167,16 +167,16 @@ def _of_surfaces(scores: Sequence[dict[str, Any]], name: str) -> np.ndarray:
 
 
 def _row(
-    room: str, strength: float, metric: str, claim: str, found: statistics.Estimate, scans: int, key: str, judged: bool
+    room: str, strength: float, metric: str, claim: str, estimate: statistics.Estimate, scans: int, key: str, judged: bool
 ) -> dict[str, Any]:
     """Return one table row. If `judged`, a metric with a limit gets a verdict: the claim holds if the whole interval keeps the limit."""
     _, limit, least = TARGETS[metric]
     holds = None
     if judged and limit is not None:
-        holds = found.low >= limit if least else found.high <= limit
+        holds = estimate.low >= limit if least else estimate.high <= limit
     return {
         "room": room, "strength": strength, "claim": claim, "limit": "" if limit is None else f"{'>=' if least else '<='} {limit:g}",
-        "scans": scans, **claims.score_columns(metric, found, "virtual scan", holds, [key]),
+        "scans": scans, **claims.score_columns(metric, estimate, "virtual scan", holds, [key]),
     }  # fmt: skip
 
 

@@ -124,7 +124,7 @@ def frames(repeats: int, variant: str) -> Values:
     target = rt.Scene([rt.Surface(objects.trihedral(0.1), "metal", "reflector")])
     lab = rooms.lab()
     pose, motion = bench.sensor_pose[None], {"reflector": turning}
-    some = {"reflector": turning[:: FRAMES // ROOM_FRAMES]}
+    few = {"reflector": turning[:: FRAMES // ROOM_FRAMES]}
     calls = itertools.count()
 
     def moving(room: str, scene: rt.Scene, motion: Mapping[str, np.ndarray]) -> None:
@@ -134,15 +134,15 @@ def frames(repeats: int, variant: str) -> Values:
         frames = MOVING_FRAMES[room]
         sensor = np.repeat(pose, frames, axis=0)
         sensor[:, 1, 3] += 0.02 * (np.arange(frames) - frames / 2) + ASIDE_M * next(calls)
-        some = {name: poses[:frames] for name, poses in motion.items()}
-        rt.simulate(scene, radar, sensor, motion=some, simulator=MitsubaBackend(TraceSettings(variant=variant, room=room)))
+        shortened = {name: poses[:frames] for name, poses in motion.items()}
+        rt.simulate(scene, radar, sensor, motion=shortened, simulator=MitsubaBackend(TraceSettings(variant=variant, room=room)))
 
     began = time.perf_counter()
     rt.simulate(lab, radar, pose, variant=variant)
     first = time.perf_counter() - began
     methods = {
         "object only, 100 frames in one call": (FRAMES, lambda: rt.simulate(target, radar, pose, motion=motion, variant=variant)),
-        "object in a static furnished room": (ROOM_FRAMES, lambda: rt.simulate(lab + target, radar, pose, motion=some, variant=variant)),
+        "object in a static furnished room": (ROOM_FRAMES, lambda: rt.simulate(lab + target, radar, pose, motion=few, variant=variant)),
         "moving sensor and object, flat faces": (MOVING_FRAMES["panels"], lambda: moving("panels", lab + target, motion)),
         "moving sensor and object, tubes alone": (MOVING_FRAMES["tubes"], lambda: moving("tubes", lab + target, motion)),
         "moving sensor, resting target, flat faces": (
@@ -218,9 +218,9 @@ def _driven(
 
     def part(name: str, method: Callable[[], Any], frames: int = 1) -> Any:
         began = np.array([time.perf_counter(), time.process_time()])
-        found = method()
+        result = method()
         taken.setdefault(name, []).append((np.array([time.perf_counter(), time.process_time()]) - began) / frames)
-        return found
+        return result
 
     def set_up() -> Track:
         track = Track.of_drives(list(room), radar, nominal, TraceSettings(variant=variant))
@@ -236,7 +236,8 @@ def _driven(
             actual[:, 0, 3] += ASIDE_M * (k + 1 + repeats * list(objects_of).index(end))
             background = part(parts[0], lambda at=actual: track.room(at), frames)
             echo = part(parts[1], lambda at=actual, groups=groups, over=over: [
-                *(one for group in groups for one in track.moving(group, at, still, False)), *over.seen(at, radar.frame_rate_hz)
+                *(paths for group in groups for paths in track.moving(group, at, still, False)),
+                *over.seen(at, radar.frame_rate_hz),
             ], frames)  # fmt: skip
             part(parts[2], lambda paths=background + echo: received(paths, radar, len(nominal)), frames)
         taken[f"drive frame{end}"] = [np.sum(each, axis=0) for each in zip(*(taken[name] for name in parts), strict=True)]
@@ -264,23 +265,23 @@ print(json.dumps({{"seconds": time.perf_counter() - began, "core_seconds": time.
 
 def memory(repeats: int, variant: str) -> Values:
     """Measure the peak resident memory of a new process that traces a furnished room with many rays."""
-    found = in_new_process(
+    usage = in_new_process(
         "import radartwin as rt; from radartwin.scene import rooms",
         "scene = rooms.lab()\n"
         f"rt.simulate(scene, rt.Radar.iwr1843(), rooms.lab_bench().sensor_pose[None], rays={MEMORY_RAYS}, variant={variant!r})",
     )
-    print(f"Memory: a furnished room at {MEMORY_RAYS} rays, 4 bounces: {found['peak_gib']:.2f} GiB at most")
-    return {"memory of a furnished room": found["peak_gib"]}
+    print(f"Memory: a furnished room at {MEMORY_RAYS} rays, 4 bounces: {usage['peak_gib']:.2f} GiB at most")
+    return {"memory of a furnished room": usage["peak_gib"]}
 
 
 def scan(repeats: int, variant: str) -> Values:
     """Time the reconstruction of a scan of half a million triangles, and measure its memory."""
-    found = reconstruction()
+    result = reconstruction()
     print(
-        f"Reconstruction of a scan of {found['faces']:,.0f} faces: {found['seconds']:.0f} s ({found['core_seconds']:.0f} core-seconds), "
-        f"peak {found['peak_gib']:.2f} GiB, {found['surfaces']:.0f} surfaces"
+        f"Reconstruction of a scan of {result['faces']:,.0f} faces: {result['seconds']:.0f} s ({result['core_seconds']:.0f} core-seconds), "
+        f"peak {result['peak_gib']:.2f} GiB, {result['surfaces']:.0f} surfaces"
     )
-    return {"reconstruction of a scan": found["seconds"], "memory of a scan reconstruction": found["peak_gib"]}
+    return {"reconstruction of a scan": result["seconds"], "memory of a scan reconstruction": result["peak_gib"]}
 
 
 def reconstruction() -> dict[str, float]:
@@ -293,8 +294,8 @@ def reconstruction() -> dict[str, float]:
     area = sum(float(piece.area) for piece in pieces)
     edge = 1.5 * float(np.sqrt(4 / np.sqrt(3) * area / SCAN_FACES))  # the split edges are between half the allowed length and that length
     rng = np.random.default_rng(0)
-    fine: list[Any] = [trimesh.Trimesh(one.vertices, one.faces, process=False).subdivide_to_size(edge, max_iter=20) for one in pieces]
-    colours = [np.tile(np.random.default_rng([0, k]).integers(60, 220, 3), (len(one.vertices), 1)) for k, one in enumerate(fine)]
+    fine: list[Any] = [trimesh.Trimesh(piece.vertices, piece.faces, process=False).subdivide_to_size(edge, max_iter=20) for piece in pieces]
+    colours = [np.tile(np.random.default_rng([0, k]).integers(60, 220, 3), (len(piece.vertices), 1)) for k, piece in enumerate(fine)]
     whole: Any = trimesh.util.concatenate(fine)
     shade = np.clip(np.vstack(colours) + rng.normal(0, 5, (len(whole.vertices), 3)), 0, 255).astype(np.uint8)
     noisy = whole.vertices + SCAN_NOISE_M * rng.standard_normal(whole.vertices.shape)
@@ -308,10 +309,10 @@ def measured(benchmarks: Sequence[str], repeats: int, variant: str) -> Values:
     """Run benchmarks by name and return all their figures. Raises RuntimeError if a benchmark measures other figures than declared."""
     values = Values()
     for name in benchmarks:
-        found = BENCHMARKS[name](repeats, variant)
-        if wrong := found.keys() ^ {figure.name for figure in FIGURES if figure.benchmark == name}:
+        figures = BENCHMARKS[name](repeats, variant)
+        if wrong := figures.keys() ^ {figure.name for figure in FIGURES if figure.benchmark == name}:
             raise RuntimeError(f"{', '.join(sorted(wrong))}: measured or declared for the benchmark {name}, but not both; correct FIGURES")
-        values |= found
+        values |= figures
     return values
 
 
@@ -338,15 +339,15 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", choices=BENCHMARKS, default=BENCHMARKS)
     parser.add_argument("--variant", choices=("llvm", "cuda"), default="llvm", help="Mitsuba variant of the tracer")
     parser.add_argument("--history", action="store_true", help="add the figures as a line to bench_history.csv")
-    chosen = parser.parse_args()
+    arguments = parser.parse_args()
     machine = {
         "processor": processor(), "cores": os.cpu_count(), "load": f"{os.getloadavg()[0]:.1f}", "python": platform.python_version(),
-        "repeats": chosen.repeats, "variant": chosen.variant,
+        "repeats": arguments.repeats, "variant": arguments.variant,
     }  # fmt: skip
     print(f"{machine}, NumPy {np.__version__}")
-    values = measured([name for name in BENCHMARKS if name in chosen.only], chosen.repeats, chosen.variant)
+    values = measured([name for name in BENCHMARKS if name in arguments.only], arguments.repeats, arguments.variant)
     print(f"\nTargets hold for 2 processor cores.\n{table(values, read(), machine)}")
-    if chosen.history:
+    if arguments.history:
         print(f"history: {append(machine, values)}")
 
 

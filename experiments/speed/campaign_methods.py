@@ -112,9 +112,9 @@ def measure(config: Config, store: Store, progress: Progress, full: bool) -> lis
 
 def _configured(config: Config, method: Twin, full: bool) -> Config:
     """Return the configuration of the recognition tables with this method as the simulator."""
-    own = compose(["experiment=labelled_probe", "profile=quick", *(LONGER if full else ()), *method.simulator])
+    recognition_config = compose(["experiment=labelled_probe", "profile=quick", *(LONGER if full else ()), *method.simulator])
     same = {name: getattr(config, name) for name in ("measured", "radar", "seed", "output", "jobs")}
-    return replace(own, **same, **method.changed)
+    return replace(recognition_config, **same, **method.changed)
 
 
 def _cost(campaign: Campaign, cases: Sequence[Any]) -> dict[str, Any]:
@@ -124,15 +124,15 @@ def _cost(campaign: Campaign, cases: Sequence[Any]) -> dict[str, Any]:
     set-ups read traced paths from the disk.
     """
     made = [campaign.clean("twin", case).read_json("meta") for case in cases]
-    frames = [one["told"]["frames"] for one in made]
-    setups = [int(one["told"].get(tally.SETUPS, 0)) for one in made]
-    each = [one["core_seconds"] / n for one, n, k in zip(made, frames, setups, strict=True) if not k] or [
-        one["core_seconds"] / n for one, n in zip(made, frames, strict=True)
+    frames = [meta["told"]["frames"] for meta in made]
+    setups = [int(meta["told"].get(tally.SETUPS, 0)) for meta in made]
+    each = [meta["core_seconds"] / n for meta, n, k in zip(made, frames, setups, strict=True) if not k] or [
+        meta["core_seconds"] / n for meta, n in zip(made, frames, strict=True)
     ]
     middle = float(np.median(each))
-    took = [(one["core_seconds"] - middle * n) / k for one, n, k in zip(made, frames, setups, strict=True) if k]
+    took = [(meta["core_seconds"] - middle * n) / k for meta, n, k in zip(made, frames, setups, strict=True) if k]
     share = max(max(took, default=0.0), 0.0) / sum(frames)
-    return {"seconds_frame": middle + share, "seconds": [one + share for one in each]}
+    return {"seconds_frame": middle + share, "seconds": [seconds + share for seconds in each]}
 
 
 def feature_error(simulated: Samples, measured: Samples) -> tuple[float, float]:

@@ -171,19 +171,19 @@ def place(axes: Any, points: Sequence[tuple[float, float]], texts: Sequence[str]
         if not text:
             continue
         width, height = 0.5 * LABEL_SIZE * len(text) * scale, 1.05 * LABEL_SIZE * scale
-        best, chosen, offset = np.inf, occupied[0], OFFSETS[0]
+        best, best_box, offset = np.inf, occupied[0], OFFSETS[0]
         for rank, (right, up) in enumerate(OFFSETS):
             left = x + right * scale - (0.0 if right > 0 else width if right < 0 else width / 2)
             box = (left, y + up * scale - height / 2, left + width, y + up * scale + height / 2)
             outside = max(0.0, frame.x0 - box[0]) + max(0.0, box[2] - frame.x1) + max(0.0, frame.y0 - box[1]) + max(0.0, box[3] - frame.y1)
             cost = sum(_overlap(box, other) for other in occupied) + 200 * outside * height + 0.4 * rank
             if cost < best:
-                best, chosen, offset = cost, box, (right, up)
-        occupied.append(chosen)
+                best, best_box, offset = cost, box, (right, up)
+        occupied.append(best_box)
         side = "left" if offset[0] > 0 else "right" if offset[0] < 0 else "center"
         label = axes.annotate(text, point, offset, textcoords="offset points", color=colour, ha=side, va="center_baseline")
         label.set(fontsize=LABEL_SIZE, zorder=2.5, in_layout=False, path_effects=[withStroke(linewidth=1.8, foreground="white")])
 
 
-def _overlap(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> float:
-    return max(0.0, min(one[2], other[2]) - max(one[0], other[0])) * max(0.0, min(one[3], other[3]) - max(one[1], other[1]))
+def _overlap(first: tuple[float, float, float, float], second: tuple[float, float, float, float]) -> float:
+    return max(0.0, min(first[2], second[2]) - max(first[0], second[0])) * max(0.0, min(first[3], second[3]) - max(first[1], second[1]))

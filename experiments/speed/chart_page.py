@@ -57,26 +57,26 @@ def figure(measured: DataFrame, cost: str, error: str) -> Figure:
     """Draw the rows that have both quantities, with one panel per test problem and a line through the methods on the Pareto front."""
     import plotly.express as px
 
-    shown = measured.dropna(subset=[cost, error]).astype({cost: float, error: float})
-    shown["panel"] = shown.title.map(html.escape) + "<br><sub>answer: " + shown.domain.map(html.escape) + "</sub>"
-    shown["method"], shown["mark"] = shown.family + ", " + shown.setting, np.where(shown.exact.astype(bool), "knows the answer", "compared")
-    shown.loc[shown.method == f"{OURS}, {DEFAULT}", "mark"] = DEFAULT
-    left_out = shown.exact.astype(bool) | (shown[cost] <= 0)
+    rows = measured.dropna(subset=[cost, error]).astype({cost: float, error: float})
+    rows["panel"] = rows.title.map(html.escape) + "<br><sub>answer: " + rows.domain.map(html.escape) + "</sub>"
+    rows["method"], rows["mark"] = rows.family + ", " + rows.setting, np.where(rows.exact.astype(bool), "knows the answer", "compared")
+    rows.loc[rows.method == f"{OURS}, {DEFAULT}", "mark"] = DEFAULT
+    left_out = rows.exact.astype(bool) | (rows[cost] <= 0)
     on_front = ~left_out
-    for _, mine in shown[~left_out].groupby("panel"):
+    for _, mine in rows[~left_out].groupby("panel"):
         on_front[mine.index] = front(list(zip(mine[cost], mine[error], strict=True)))
-    shown[cost], shown[error] = shown[cost].clip(LOWEST[cost]), shown[error].clip(LOWEST[error])
+    rows[cost], rows[error] = rows[cost].clip(LOWEST[cost]), rows[error].clip(LOWEST[error])
     panels: dict[str, Any] = {
         "x": cost, "y": error, "log_x": True, "log_y": True, "facet_col": "panel", "facet_col_wrap": COLUMNS, "facet_row_spacing": 0.12,
-        "category_orders": {"panel": list(shown.panel.unique())}, "labels": COSTS | ERRORS | DETAILS, "template": "plotly_white",
+        "category_orders": {"panel": list(rows.panel.unique())}, "labels": COSTS | ERRORS | DETAILS, "template": "plotly_white",
     }  # fmt: skip
     drawing = px.scatter(
-        shown, color="family", symbol="mark", color_discrete_map={name: colour for name, (_, colour) in LOOKS.items()}, symbol_map=MARKS,
+        rows, color="family", symbol="mark", color_discrete_map={name: colour for name, (_, colour) in LOOKS.items()}, symbol_map=MARKS,
         hover_name="method",
         hover_data=dict.fromkeys((*COSTS, *ERRORS, *DETAILS), ":.3g") | dict.fromkeys(("panel", "family", "mark"), False),
-        height=(2 + shown.panel.nunique()) * PANEL_HEIGHT_PX // COLUMNS, **panels,
+        height=(2 + rows.panel.nunique()) * PANEL_HEIGHT_PX // COLUMNS, **panels,
     ).update_traces(marker_size=10)  # fmt: skip
-    line = px.line(shown.assign(**{error: shown[error].where(on_front)}).sort_values(cost), line_shape="hv", **panels)
+    line = px.line(rows.assign(**{error: rows[error].where(on_front)}).sort_values(cost), line_shape="hv", **panels)
     drawing.add_traces(line.update_traces(line_color="#999", connectgaps=True, hoverinfo="skip", hovertemplate=None).data)
     drawing.for_each_annotation(lambda title: title.update(text=title.text.partition("=")[2]))
     return drawing.update_layout(legend={"orientation": "h", "y": 1.08, "title": ""}, modebar={"orientation": "v"}, margin={"t": 110})

@@ -34,7 +34,7 @@ def flat(surfaces: int) -> tuple[Scene, np.ndarray]:
     The origin is the middle of the radar's room on the floor. A box counts as six surfaces.
 
     >>> scene, place = flat(100)
-    >>> sum(round(len(one.mesh.faces) / 2) for one in scene.surfaces)
+    >>> sum(round(len(surface.mesh.faces) / 2) for surface in scene.surfaces)
     108
     """
     side = max(1, round(math.sqrt(surfaces / SURFACES_A_ROOM)))
@@ -43,7 +43,7 @@ def flat(surfaces: int) -> tuple[Scene, np.ndarray]:
     parts = [Surface(objects.box([*low, 0.0], [*high, HEIGHT_M]), "concrete", "shell", role="room")]
     parts[0].mesh.invert()
     walls = _walls(side, low, high)
-    bodies = [trimesh.creation.extrude_polygon(one, HEIGHT_M) for one in getattr(walls, "geoms", [walls]) if not one.is_empty]
+    bodies = [trimesh.creation.extrude_polygon(polygon, HEIGHT_M) for polygon in getattr(walls, "geoms", [walls]) if not polygon.is_empty]
     if bodies:
         parts.append(Surface(objects.joined(bodies), "plasterboard", "walls"))
     count = sum(len(part.mesh.facets) for part in parts)
@@ -73,8 +73,11 @@ def _walls(side: int, low: np.ndarray, high: np.ndarray) -> shapely.Geometry:
             for cell in range(side):
                 begin = low[1 - axis] + cell * ROOM_M[1 - axis]
                 door = begin + (0.25 + 0.5 * ((line + cell) % 2)) * ROOM_M[1 - axis]
-                for one, two in ((begin, door - DOOR_M / 2), (door + DOOR_M / 2, begin + ROOM_M[1 - axis])):
-                    span = [(at - WALL_M / 2, at + WALL_M / 2), (one - WALL_M / 2 * (one == begin), two + WALL_M / 2 * (one != begin))]
+                for start, end in ((begin, door - DOOR_M / 2), (door + DOOR_M / 2, begin + ROOM_M[1 - axis])):
+                    span = [
+                        (at - WALL_M / 2, at + WALL_M / 2),
+                        (start - WALL_M / 2 * (start == begin), end + WALL_M / 2 * (start != begin)),
+                    ]
                     (x0, x1), (y0, y1) = span if axis == 0 else span[::-1]
                     pieces.append(shapely.box(x0, y0, x1, y1))
     return shapely.intersection(shapely.union_all(pieces, grid_size=1e-6), shapely.box(*low, *high))
@@ -104,9 +107,9 @@ def _piece(random: np.random.Generator, taken: list[np.ndarray], plain: bool) ->
     return None
 
 
-def _overlap(one: np.ndarray, two: np.ndarray) -> bool:
+def _overlap(first: np.ndarray, second: np.ndarray) -> bool:
     """Return whether two rectangles (4,) are closer than 5 cm."""
-    return bool((one[:2] < two[2:] + 0.05).all() and (two[:2] < one[2:] + 0.05).all())
+    return bool((first[:2] < second[2:] + 0.05).all() and (second[:2] < first[2:] + 0.05).all())
 
 
 def _mesh(kind: str, rectangle: np.ndarray, height: float) -> trimesh.Trimesh:

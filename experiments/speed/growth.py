@@ -158,7 +158,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         product = store.fetch("timing", spec, (__name__,), partial(_measure, sweep, steps))
         keys.append(product.key)
         rows += table(config, sweep, product.read_json("steps"), product.key)
-    metrics = {f"{one['size']} {one['part']}": one["value"] for one in rows if one["metric"] == SLOPE}
+    metrics = {f"{r['size']} {r['part']}": r["value"] for r in rows if r["metric"] == SLOPE}
     return Result(TABLE.name, rows, {TABLE.name: lambda: chart(rows)}, metrics, keys)
 
 
@@ -171,7 +171,7 @@ def table(config: Config, sweep: Sweep, measured: Sequence[Mapping[str, Any]], k
     """Return the rows of a sweep: the processor time of each step, then the slope of each part with its claim."""
     rows = []
     for part, limit in sweep.limits.items():
-        sizes, spent = np.array([one[part] for one in measured], float).T
+        sizes, spent = np.array([step[part] for step in measured], float).T
         case = {"size": sweep.size, "part": part, "machine": "; ".join(machine().values())}
         for size, value in zip(sizes, spent, strict=True):
             rows.append(row(config, {**case, "at": float(size)}, SECONDS, exact(float(value), 1), [key], NONE))
@@ -188,7 +188,7 @@ def slope(sizes: np.ndarray, spent: np.ndarray) -> Estimate:
     """
     x, y = np.log(sizes), np.log(np.maximum(spent, 1e-6))
     keep = ~np.eye(len(x), dtype=bool)
-    fits = [np.polyfit(x, y, 1)[0], *(np.polyfit(x[some], y[some], 1)[0] for some in keep)]
+    fits = [np.polyfit(x, y, 1)[0], *(np.polyfit(x[kept], y[kept], 1)[0] for kept in keep)]
     return Estimate(fits[0], min(fits), max(fits), len(x))
 
 
@@ -197,9 +197,9 @@ def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:
     drawing, panels = figure(2, 3, width_in=PAGE_WIDTH_IN, height_in=4.4)
     for panel, sweep in zip(panels.flat, SWEEPS, strict=False):
         for colour, part in zip(PALETTE, sweep.limits, strict=False):
-            mine = [one for one in rows if (one["size"], one["part"]) == (sweep.size, part)]
-            fitted = next(one["value"] for one in mine if one["metric"] == SLOPE)
-            points = [(one["at"], one["value"]) for one in mine if one["metric"] == SECONDS]
+            mine = [r for r in rows if (r["size"], r["part"]) == (sweep.size, part)]
+            fitted = next(r["value"] for r in mine if r["metric"] == SLOPE)
+            points = [(r["at"], r["value"]) for r in mine if r["metric"] == SECONDS]
             panel.plot(*zip(*points, strict=True), marker="o", markersize=3, color=colour, label=f"{part}, slope {fitted:.2f}")
         panel.set(xscale="log", yscale="log", xlabel=sweep.size, ylabel=SECONDS)
         if max(at for at, _ in points) < 10:  # a logarithmic axis of less than a decade has labels that overlap

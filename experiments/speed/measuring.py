@@ -113,15 +113,15 @@ class Timed:
         RadarTwin's tracer simulates all frames (`most`), because it does some work for several frames at once. Each frame of another method
         takes the same time, so a repetition of another method has as many frames as fit into `budget_s` seconds.
         """
-        own = self.method.family == OURS
-        if own and not self.problem.resting:
+        is_radartwin = self.method.family == OURS
+        if is_radartwin and not self.problem.resting:
             self.frames = most
         frames = self.frames * len(self.problem.parts)
         peak = Peak()
         with counted_rays() as launched:
             first = self.once()
         self.memory_mib = peak.mib()
-        if self.method.published or (own and not self.problem.resting):
+        if self.method.published or (is_radartwin and not self.problem.resting):
             self.times.append(first)
             self.rays = self._rays(sum(launched) / frames, 0.0)
             return
@@ -129,7 +129,7 @@ class Timed:
             warm, _ = self.once()
         self.rays = self._rays(sum(again) / frames, sum(launched) - sum(again))
         self.setup_s = max(0.0, first[0] - warm) * self.frames if self.problem.resting else 0.0
-        self.frames = most if own else int(np.clip(budget_s / max(warm * len(self.problem.parts), 1e-9), self.frames, most))
+        self.frames = most if is_radartwin else int(np.clip(budget_s / max(warm * len(self.problem.parts), 1e-9), self.frames, most))
 
     def _rays(self, each: float, once: float) -> float:
         """Return the number of rays per frame.
@@ -179,14 +179,14 @@ def measure(
     most = min(len(next(iter(part.motion.values()), part.sensor)) for part in problem.parts)
     with tempfile.TemporaryDirectory() as folder, array_cache.in_folder(folder):
         timed[0].once(moved=True)
-        for one in timed:
-            one.prepare(budget_s, most)
+        for timing in timed:
+            timing.prepare(budget_s, most)
         for number in range(rounds):
-            for one in timed[:: 1 if number % 2 else -1]:
-                length_s = one.times[-1][0] * one.frames * len(problem.parts) if one.times else 0.0
-                if not one.times or (length_s < slow_s and not one.method.published):
-                    one.times.append(one.once())
-        rows = [one.row() for one in timed]
-    for one in timed:
-        say(f"  {problem.name}: {one.method.name}: {np.median(one.times, axis=0)[0] * 1e3:.3g} ms a frame")
+            for timing in timed[:: 1 if number % 2 else -1]:
+                length_s = timing.times[-1][0] * timing.frames * len(problem.parts) if timing.times else 0.0
+                if not timing.times or (length_s < slow_s and not timing.method.published):
+                    timing.times.append(timing.once())
+        rows = [timing.row() for timing in timed]
+    for timing in timed:
+        say(f"  {problem.name}: {timing.method.name}: {np.median(timing.times, axis=0)[0] * 1e3:.3g} ms a frame")
     return rows

@@ -58,7 +58,7 @@ class Method:
             return part.iq(frames, radar, self.simulator, self.elements, aside_m)
 
 
-def ours(setting: str, elements: str = "exact", **settings: Any) -> Method:
+def tracer(setting: str, elements: str = "exact", **settings: Any) -> Method:
     """Return RadarTwin's tracer with the given settings, as a method whose name is `setting`."""
     return Method(OURS, setting, "mitsuba", tuple(settings.items()), elements)
 
@@ -68,31 +68,31 @@ def of_problem(problem: Problem, full: bool) -> list[Method]:
     are included, else a selection.
     """
     images = [Method(IMAGES, "all of four bounces", "")] if problem.name == "empty room" else []
-    return [ours(DEFAULT), *(_room(problem, full) if problem.room else _targets(full)), *_peers(full), *images]
+    return [tracer(DEFAULT), *(_room(problem, full) if problem.room else _targets(full)), *_peers(full), *images]
 
 
 def _targets(full: bool) -> list[Method]:
     densities = (0.25, 4.0, 0.06, 16.0) if full else (0.25, 4.0)
-    mine = [ours(f"{n:g} tubes per square wavelength", rays_per_wavelength2=n) for n in densities]
-    return [*mine, ours("1 bounce", max_bounces=1), *([ours("planar elements", "planar")] if full else [])]
+    mine = [tracer(f"{n:g} tubes per square wavelength", rays_per_wavelength2=n) for n in densities]
+    return [*mine, tracer("1 bounce", max_bounces=1), *([tracer("planar elements", "planar")] if full else [])]
 
 
 def _room(problem: Problem, full: bool) -> list[Method]:
-    mine = [ours(f"{n} bounce{'s' * (n > 1)}", max_bounces=n) for n in ((1, 2, 3) if full else (2,))]
+    mine = [tracer(f"{n} bounce{'s' * (n > 1)}", max_bounces=n) for n in ((1, 2, 3) if full else (2,))]
     if problem.name == "empty room":
         rays = (100_000, 300_000, 1_200_000, 2_900_000) if full else (300_000,)
-        return mine + [ours(f"tubes, {n / 1e6:g} million", room="tubes", rays=n) for n in rays]
-    mine.append(ours("planar elements", "planar"))
-    mine.append(ours("1 diffraction", diffractions=1))
+        return mine + [tracer(f"tubes, {n / 1e6:g} million", room="tubes", rays=n) for n in rays]
+    mine.append(tracer("planar elements", "planar"))
+    mine.append(tracer("1 diffraction", diffractions=1))
     if full:
-        mine += [*(ours(f"pruned at {share:g}", prune=share) for share in (3e-4, 3e-3, 0.01, 0.03))]
-        mine.append(ours("1 diffraction, pruned at 0.003", diffractions=1, prune=3e-3))
+        mine += [*(tracer(f"pruned at {share:g}", prune=share) for share in (3e-4, 3e-3, 0.01, 0.03))]
+        mine.append(tracer("1 diffraction, pruned at 0.003", diffractions=1, prune=3e-3))
     if problem.resting:
         densities = (0.25, 4.0) if full else (0.25,)
-        mine += [ours(f"{n:g} tubes per square wavelength", rays_per_wavelength2=n) for n in densities]
-        mine.append(ours("object and room uncoupled", coupling=False))
+        mine += [tracer(f"{n:g} tubes per square wavelength", rays_per_wavelength2=n) for n in densities]
+        mine.append(tracer("object and room uncoupled", coupling=False))
     if full:
-        mine.append(ours("room by tubes, by the width rule", room="tubes"))
+        mine.append(tracer("room by tubes, by the width rule", room="tubes"))
     return mine
 
 
@@ -126,7 +126,7 @@ class ExactImages:
     def paths(self, scene: Any, radar: Radar, sensor_poses: np.ndarray, motion: Any = None, track: Any = None) -> list[Paths]:
         """Return the paths between isotropic antennas. The synthesis of samples applies the radar's antenna pattern later."""
         reflection, frequency = rooms.wall_reflection("concrete"), radar.center_frequency_hz
-        found: list[tuple[int, complex, float, np.ndarray, np.ndarray, int]] = []
+        rows: list[tuple[int, complex, float, np.ndarray, np.ndarray, int]] = []
         for number, pose in enumerate(sensor_poses):
             sensor = pose[:3, 3]
             listed = zip(
@@ -137,8 +137,8 @@ class ExactImages:
             for (index, place, _), (gain, length, order) in listed:
                 out = (place - sensor) / length
                 level = gain * SPEED_OF_LIGHT / (4 * np.pi * frequency * length)
-                found.append((number, level, length, out @ pose[:3, :3], (-out * (-1.0) ** index) @ pose[:3, :3], order))
-        pose, level, length, departure, arrival, order = (np.array(column) for column in zip(*found, strict=True))
+                rows.append((number, level, length, out @ pose[:3, :3], (-out * (-1.0) ** index) @ pose[:3, :3], order))
+        pose, level, length, departure, arrival, order = (np.array(column) for column in zip(*rows, strict=True))
         ends = length / 2, length / 2
         return [Paths(len(sensor_poses), pose, order, level[:, None], np.array([frequency]), *ends, departure, arrival, 0 * length)]
 
@@ -152,7 +152,7 @@ def counted_rays() -> Iterator[list[int]]:
         def call(*arguments: Any, **options: Any) -> Any:
             made = launch(*arguments, **options)
             grids = [made] if isinstance(made, tube_grid.TubeGrid) else list(made or [])
-            counts.extend(one.per_pose * one.poses for one in grids)
+            counts.extend(grid.per_pose * grid.poses for grid in grids)
             return made if isinstance(made, tube_grid.TubeGrid) or made is None else grids
 
         return call

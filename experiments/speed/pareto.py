@@ -17,14 +17,14 @@ def front(points: Sequence[Point]) -> list[bool]:
     >>> front([(1, 3), (2, 2), (2, 3), (3, 1)])
     [True, True, False, True]
     """
-    return [not any(other[0] <= one[0] and other[1] <= one[1] and other != one for other in points) for one in points]
+    return [not any(other[0] <= point[0] and other[1] <= point[1] and other != point for other in points) for point in points]
 
 
-def shortfall(one: Point, others: Sequence[Point]) -> float:
+def shortfall(point: Point, others: Sequence[Point]) -> float:
     """Return the largest factor by which another point is better in both coordinates: 1 on the Pareto front, 1.1 if another is 10 % better.
 
     >>> shortfall((2.0, 2.0), [(1.0, 1.9), (4.0, 0.1)])
     1.0526315789473684
     """
-    better = [min(one[0] / other[0], one[1] / max(other[1], 1e-12)) for other in others]
+    better = [min(point[0] / other[0], point[1] / max(other[1], 1e-12)) for other in others]
     return float(np.max([1.0, *better]))

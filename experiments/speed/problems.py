@@ -97,18 +97,18 @@ def swept(echo: Callable[[np.ndarray], np.ndarray], distance_m: float) -> np.nda
     middle, half = frequencies.mean(), (frequencies[-1] - frequencies[0]) / 2
     nodes = middle + half * np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
 
-    def turn(f: np.ndarray) -> np.ndarray:
+    def phasor(f: np.ndarray) -> np.ndarray:
         return np.exp(4j * np.pi * f / SPEED_OF_LIGHT * distance_m)
 
-    smooth = BarycentricInterpolator(nodes, echo(nodes) / turn(nodes))
-    return (np.asarray(smooth(frequencies)) * turn(frequencies))[None, None, None]
+    smooth = BarycentricInterpolator(nodes, echo(nodes) / phasor(nodes))
+    return (np.asarray(smooth(frequencies)) * phasor(frequencies))[None, None, None]
 
 
 def corner_echo(shape: str, size_m: float, pose: np.ndarray) -> np.ndarray:
     """Return the reference samples of a plate or upright trihedral at a pose (4, 4), seen by an antenna at the origin."""
     here = -pose[:3, :3].T @ pose[:3, 3]
     return swept(
-        lambda f: np.concatenate([corner_echoes(shape, size_m, here, SPEED_OF_LIGHT / one) for one in f]),
+        lambda f: np.concatenate([corner_echoes(shape, size_m, here, SPEED_OF_LIGHT / frequency) for frequency in f]),
         float(np.linalg.norm(pose[:3, 3])),
     )
 

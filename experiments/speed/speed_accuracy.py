@@ -76,7 +76,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         measured += product.read_json("rows")
         keys.append(product.key)
     on_campaign = campaign_methods.measure(config, store, progress, full)
-    keys += [key for one in on_campaign for key in one["keys"]]
+    keys += [key for method in on_campaign for key in method["keys"]]
     rows = table(measured, machine(), {problem.name: problem for problem in problems(full)})
     rows += campaign_rows(on_campaign, machine(), config.measured.provider)
     metrics = {
@@ -108,22 +108,23 @@ def table(measured: Sequence[Mapping[str, Any]], machine: Mapping[str, str], kno
     than RF-Genesis as published.
     """
     rows: list[dict[str, Any]] = []
-    for name in dict.fromkeys(one["problem"] for one in measured):
-        mine = [one for one in measured if one["problem"] == name]
-        default = next(one for one in mine if (one["family"], one["setting"]) == (OURS, DEFAULT))
+    for name in dict.fromkeys(method["problem"] for method in measured):
+        mine = [method for method in measured if method["problem"] == name]
+        default = next(method for method in mine if (method["family"], method["setting"]) == (OURS, DEFAULT))
         row = partial(_row, machine, known[name].title, known[name].truth)
         signal, profile = (
-            front([(math.inf, math.inf) if one["exact"] else (one["seconds_frame"], one[error]) for one in mine]) for error in ERRORS
+            front([(math.inf, math.inf) if method["exact"] else (method["seconds_frame"], method[error]) for method in mine])
+            for error in ERRORS
         )
-        for number, one in enumerate(mine):
+        for number, method in enumerate(mine):
             marks = {"front": profile[number], "front of the signal": signal[number]}
-            rows.append(row(one, COST, ratios_of(one["seconds"], default["seconds"]), marks))
+            rows.append(row(method, COST, ratios_of(method["seconds"], default["seconds"]), marks))
         for error, words in ERRORS.items():
-            others = [(one["seconds_frame"], one[error]) for one in mine if not one["exact"] and one is not default]
+            others = [(method["seconds_frame"], method[error]) for method in mine if not method["exact"] and method is not default]
             far = shortfall((default["seconds_frame"], default[error]), others)
             claim = f"no other is more than {100 * (NEAR - 1):.0f} % better in both time and {words}"
             rows.append(row(default, f"factor from the front, {words}", exact(far, len(mine)), {}, claim, far <= NEAR))
-        naive = next((one for one in mine if (one["family"], one["setting"]) == (RFGENESIS, PUBLISHED)), None)
+        naive = next((method for method in mine if (method["family"], method["setting"]) == (RFGENESIS, PUBLISHED)), None)
         if naive is not None:
             ratio = ratios_of(naive["seconds"], default["seconds"])
             lower = all(default[error] < naive[error] for error in (*ERRORS, "free_error_db"))
@@ -133,14 +134,14 @@ def table(measured: Sequence[Mapping[str, Any]], machine: Mapping[str, str], kno
 
 
 def _row(
-    machine: Mapping[str, str], title: str, domain: str, one: Mapping[str, Any], metric: str, found: Estimate, marks: Mapping[str, bool],
-    claim: str = "", holds: bool | None = None,
+    machine: Mapping[str, str], title: str, domain: str, method: Mapping[str, Any], metric: str, estimate: Estimate,
+    marks: Mapping[str, bool], claim: str = "", holds: bool | None = None,
 ) -> dict[str, Any]:  # fmt: skip
-    """Return one row of the table from the measurement `one` of a method."""
+    """Return one row of the table from the measurement of a method."""
     return {
-        **{name: one.get(name) for name in MEASURED}, "least_s_frame": min(one["seconds"]), "most_s_frame": max(one["seconds"]),
-        "title": title, "machine": "; ".join(machine.values()), "exact": one["exact"], **{name: one.get(name) for name in SCORED}, **marks,
-        "claim": claim, **claims.score_columns(metric, found, domain, holds, one.get("keys", ())),
+        **{name: method.get(name) for name in MEASURED}, "least_s_frame": min(method["seconds"]), "most_s_frame": max(method["seconds"]),
+        "title": title, "machine": "; ".join(machine.values()), "exact": method["exact"], **{name: method.get(name) for name in SCORED},
+        **marks, "claim": claim, **claims.score_columns(metric, estimate, domain, holds, method.get("keys", ())),
     }  # fmt: skip
 
 
@@ -148,15 +149,15 @@ def campaign_rows(methods: Sequence[Mapping[str, Any]], machine: Mapping[str, st
     """Return rows for the campaign's recordings: each method's relative run time and two errors, then the claims about faster methods."""
     default, row = methods[0], partial(_row, machine, campaign_methods.TITLE, domain)
     scores = {"features": "feature_error", "recognition": "recognition_error"}
-    fronts = {f"front of {name}": front([(one["seconds_frame"], one[score]) for one in methods]) for name, score in scores.items()}
+    fronts = {f"front of {name}": front([(method["seconds_frame"], method[score]) for method in methods]) for name, score in scores.items()}
     marks = [dict(zip(fronts, on, strict=True)) for on in zip(*fronts.values(), strict=True)]
-    rows = [row(one, COST, ratios_of(one["seconds"], default["seconds"]), mark) for one, mark in zip(methods, marks, strict=True)]
+    rows = [row(method, COST, ratios_of(method["seconds"], default["seconds"]), mark) for method, mark in zip(methods, marks, strict=True)]
     # standard errors of the default's scores
     errors = {
         "features": default["spread of feature_error"], "recognition": _share_error(default["recognition_error"], default["answers"]),
     }  # fmt: skip
     for name, score in scores.items():
-        as_good = [one["seconds_frame"] for one in methods if one[score] <= default[score] + errors[name]]
+        as_good = [method["seconds_frame"] for method in methods if method[score] <= default[score] + errors[name]]
         far = default["seconds_frame"] / min(as_good)
         claim = f"no other that is as good in {name}, within a standard error, is more than {100 * (NEAR - 1):.0f} % faster"
         metric = f"times the cheapest that is as good in {name}"

@@ -47,10 +47,10 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     rows: list[dict[str, Any]] = []
     parts = [(sweep, method) for sweep in SWEEPS for method in METHODS]
     with progress.task("sweeps by method", len(parts)) as done:
-        found = iter(workers.each(_errors, parts, config.jobs, done))
+        errors = iter(workers.each(_errors, parts, config.jobs, done))
     for sweep in SWEEPS:
-        rows += sweep_rows(sweep, [(method, next(found)) for method in METHODS])
-    broken = sum(math.isnan(float(one)) for row in rows for one in row["errors_db"].split())
+        rows += sweep_rows(sweep, [(method, next(errors)) for method in METHODS])
+    broken = sum(math.isnan(float(error_db)) for row in rows for error_db in row["errors_db"].split())
     tried = sum(len(row["errors_db"].split()) for row in rows)
     score = claims.score_columns("evaluations that broke", exact(broken, tried), DOMAIN, not broken)
     rows.append({**dict.fromkeys(rows[0], ""), "sweep": "all", "title": "all sweeps", "claim": FINITE, **score})
@@ -77,22 +77,22 @@ def safe(errors_db: Sequence[float]) -> int:
     >>> safe([0.1, 2.9, 3.1, 0.2])
     2
     """
-    return next((i for i, one in enumerate(errors_db) if not one <= LIMIT_DB), len(errors_db))
+    return next((i for i, error_db in enumerate(errors_db) if not error_db <= LIMIT_DB), len(errors_db))
 
 
-def sweep_rows(sweep: Sweep, found: Sequence[tuple[Method, Sequence[float]]]) -> list[dict[str, Any]]:
+def sweep_rows(sweep: Sweep, by_method: Sequence[tuple[Method, Sequence[float]]]) -> list[dict[str, Any]]:
     """Return the rows of one sweep, one row per method. The row of RadarTwin's tracer states the claim that no other method has a larger
     safe region.
     """
-    best = max(safe(errors) for _, errors in found)
+    best = max(safe(errors) for _, errors in by_method)
     rows = []
-    for method, errors in found:
+    for method, errors in by_method:
         count = safe(errors)
         mine = method.family == OURS
         rows.append({
             "sweep": sweep.name, "title": sweep.title, "unit": sweep.unit, "kind": sweep.kind, "family": method.family,
             "setting": method.setting,
-            "values": " ".join(f"{value:g}" for value in sweep.values), "errors_db": " ".join(f"{one:.2f}" for one in errors),
+            "values": " ".join(f"{value:g}" for value in sweep.values), "errors_db": " ".join(f"{error_db:.2f}" for error_db in errors),
             "safe": safe_words(sweep, count), "fails at": f"{sweep.values[count]:g} {sweep.unit}" if count < len(errors) else "",
             "why": sweep.why if mine else "", "claim": CLAIM if mine else "",
             **claims.score_columns(METRIC, exact(count, len(errors)), DOMAIN, count == best > 0 if mine else None),
@@ -134,7 +134,7 @@ def map_of(rows: Sequence[Mapping[str, Any]]) -> Figure:
 def _block(panel: Any, mine: Sequence[Mapping[str, Any]], colours: Any, norm: Any) -> None:
     from matplotlib.patches import Rectangle
 
-    errors = np.array([[float(one) for one in row["errors_db"].split()] for row in mine])
+    errors = np.array([[float(error_db) for error_db in row["errors_db"].split()] for row in mine])
     values = mine[0]["values"].split()
     panel.imshow(np.nan_to_num(errors, nan=40.0), cmap=colours, norm=norm, aspect="auto")
     panel.set_xticks(range(len(values)), values)
@@ -144,9 +144,11 @@ def _block(panel: Any, mine: Sequence[Mapping[str, Any]], colours: Any, norm: An
         side.set_visible(False)
     panel.set_title(f"{mine[0]['title']}, {mine[0]['unit']} ({mine[0]['kind']})", fontsize=7, pad=3, loc="left")
     for line, row in enumerate(errors):
-        for column, one in enumerate(row):
-            text = "40+" if one >= 40 else f"{one:.1f}" if one < 9.95 else f"{one:.0f}"
-            panel.text(column, line, text, ha="center", va="center", fontsize=5.3, color="white" if one < 1 or one >= 12 else "black")
+        for column, error_db in enumerate(row):
+            text = "40+" if error_db >= 40 else f"{error_db:.1f}" if error_db < 9.95 else f"{error_db:.0f}"
+            panel.text(
+                column, line, text, ha="center", va="center", fontsize=5.3, color="white" if error_db < 1 or error_db >= 12 else "black"
+            )
         panel.text(len(row) - 0.42, line, verdict(mine[line]), fontsize=5.8, va="center")
         if words := mine[line]["fails at"]:
             corner = values.index(words.split()[0]) - 0.48, line - 0.46

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from experiments.speed.methods import POINTS, RFGENESIS, SIONNA, Method, ours
+from experiments.speed.methods import POINTS, RFGENESIS, SIONNA, Method, tracer
 from experiments.speed.problems import OFFICE, OFFICE_SENSOR, office_images
 from experiments.validation.oracles import fullwave, furnished_sweeps, rooms, stack, traced
 from experiments.validation.oracles.iterative_optics import corner_echoes
@@ -40,7 +40,7 @@ BALL_M = 0.05
 BOARD_M = 0.0125
 DRAWS = 64
 METHODS = (
-    ours("default"),
+    tracer("default"),
     Method(POINTS, "far-field table", "points"),
     Method(RFGENESIS, "shipped", "rfgenesis"),
     Method(RFGENESIS, "corrected", "rfgenesis", (("version", "corrected"),)),
@@ -100,8 +100,8 @@ def alone(mesh: trimesh.Trimesh, distance_m: float, turn_deg: float = 0.0, aside
 @cache
 def facing(shape: str, size_m: float, distance_m: float, turn_deg: float = 0.0) -> complex:
     """Return the true echo amplitude of a plate or trihedral at the centre frequency of the frequency sweep."""
-    turn = np.radians(turn_deg)
-    return complex(corner_echoes(shape, size_m, distance_m * np.array([np.cos(turn), -np.sin(turn), 0.0]), WAVELENGTH_M)[0])
+    turn_rad = np.radians(turn_deg)
+    return complex(corner_echoes(shape, size_m, distance_m * np.array([np.cos(turn_rad), -np.sin(turn_rad), 0.0]), WAVELENGTH_M)[0])
 
 
 def _rays(method: Method, value: float) -> float:
@@ -118,7 +118,7 @@ def _shift(method: Method, value: float) -> float:
 
 def _facets(method: Method, value: float) -> float:
     mesh, truth = objects.cylinder(0.033, 0.12, int(value)), cylinder_echo(0.033, 0.12, 1.0, MIDDLE_HZ)[0]
-    errors = [off(method, samples(method, *alone(mesh, 1.0, turn)), truth) for turn in np.array([0.1, 0.5, 0.8]) * 180 / value]
+    errors = [off(method, samples(method, *alone(mesh, 1.0, turn_deg)), truth) for turn_deg in np.array([0.1, 0.5, 0.8]) * 180 / value]
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
@@ -154,8 +154,8 @@ def _near(method: Method, value: float) -> float:
 
 def _office(method: Method, scene: Scene, bounces: int, **settings: Any) -> float:
     pose = traced.pose(OFFICE_SENSOR, rooms.rotation())
-    found = compare([(samples(method, scene, pose, **settings), _images(bounces))], RADAR, gain_db(method))
-    return min(found.profile_db, DYNAMIC_DB)
+    comparison = compare([(samples(method, scene, pose, **settings), _images(bounces))], RADAR, gain_db(method))
+    return min(comparison.profile_db, DYNAMIC_DB)
 
 
 @cache

@@ -18,7 +18,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.campaign.campaign import Campaign, joined, make_together
-from experiments.campaign.cases import Case
+from experiments.campaign.cases import MEASURED, TWIN, VOID, Case
 from experiments.campaign.frame import Frame, stored
 from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
@@ -28,6 +28,7 @@ from experiments.drawing import error_bars, range_map
 from experiments.statistics import FISHER, SCALES, SHARE, SIGNED, ms_ssim
 from experiments.turntable import operating_points
 from radartwin.config.config import Config
+from radartwin.config.materials import UniformMaterials
 from radartwin.errors import ConfigError
 from radartwin.features.profile import FAR_M, NEAR_M, beyond_target_share, profile_correlation
 from radartwin.io.progress import Progress
@@ -53,9 +54,8 @@ TABLE = Table(
 )
 
 TARGET, ROOM_NAME = "corner_reflector", "lab"
-# A side is a kind of recording in this table. For each side: the domain of the campaign, and the materials of the room (None stands for the
-# configured materials).
-SIDES = {"measured": ("measured", None), "room": ("twin", None), "uniform": ("twin", "uniform"), "void": ("void", None)}
+# A side is a kind of recording in this table. For each side: the domain of its campaign (see `sources`).
+SIDES = {"measured": MEASURED, "room": TWIN, "uniform": TWIN, "void": VOID}
 SHOWN = ("measured", "room", "void")  # sides that the range-time figure shows
 PAPER_DISTANCE_M = operating_points.DISTANCE_M  # distance for which the paper gives values
 ROOM = Claim(paper="+0.42")
@@ -74,29 +74,38 @@ CORRELATED = {"void": UNCORRELATED, "room": ROOM}
 def run(config: Config, store: Store, progress: Progress) -> Result:
     """Compute the table for the configured campaign. Raises ConfigError if the configuration sets options that the table does not use."""
     make_together(recordings(config, store, progress), config.jobs, progress)
-    campaign, chosen = Campaign(config, store, progress), operating_points.wanted(config)
-    result = score(config, read(config, campaign, partial(stored, progress=progress)))
-    points = {one: stored(Campaign(one.of(config), store, progress), chosen, progress) for one in operating_points.conditions(config)}
+    wanted_cases = operating_points.wanted(config)
+    result = score(config, read(config, sources(config, store, progress), partial(stored, progress=progress)))
+    points = {
+        condition: stored(Campaign(condition.of(config), store, progress), wanted_cases, progress)
+        for condition in operating_points.conditions(config)
+    }
     return with_points(config, result, operating_points.read(config, points))
 
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
     check(config)
-    usual, chosen = Campaign(config, store, progress), operating_points.wanted(config)
-    parts = [usual.missing([(SIDES[side][0], case)], SIDES[side][1]) for side, case in wanted(config, usual)]
-    parts += [Campaign(one.of(config), store, progress).missing(chosen) for one in operating_points.conditions(config)]
+    campaigns, wanted_cases = sources(config, store, progress), operating_points.wanted(config)
+    parts = [campaigns[side].missing([(SIDES[side], case)]) for side, case in wanted(config, campaigns)]
+    parts += [Campaign(condition.of(config), store, progress).missing(wanted_cases) for condition in operating_points.conditions(config)]
     return joined(parts)
+
+
+def sources(config: Config, store: Store, progress: Progress) -> dict[str, Campaign]:
+    """Return the campaign of each side. The simulated room of the side `uniform` is of plasterboard."""
+    usual = Campaign(config, store, progress)
+    return dict.fromkeys(SIDES, usual) | {"uniform": usual.with_materials(UniformMaterials())}
 
 
 def check(config: Config) -> None:
     """Raise ConfigError for options that the table would ignore. The options are checked before any simulation starts."""
-    for key, value, used in (
+    for key, value, fixed in (
         ("scene", config.scene.name, ROOM_NAME),
         ("scene.target", config.scene.target, TARGET),
         ("trajectory", config.trajectory.kind, "turntable"),
     ):
-        if value != used:
-            raise ConfigError(f"{key}={value} is not read by experiment=environment, which always has {key}={used}; leave it out")
+        if value != fixed:
+            raise ConfigError(f"{key}={value} is not read by experiment=environment, which always has {key}={fixed}; leave it out")
 
 
 def score(config: Config, frame: Frame) -> Result:
@@ -104,16 +113,18 @@ def score(config: Config, frame: Frame) -> Result:
     distances, first = sorted(frame.distance_m.unique()), first_draw(frame)
     last, labels = distances[-1], {side: label for side, label in labels_of(config).items() if side in set(frame.side)}
     rows = table_rows(config, frame, partial(cells, labels))
-    shown = {side: next(first[(first.side == side) & (first.distance_m == last)].itertuples()) for side in SHOWN if side in labels}
+    side_recordings = {
+        side: next(first[(first.side == side) & (first.distance_m == last)].itertuples()) for side in SHOWN if side in labels
+    }
     figures: dict[str, Callable[[], Figure]] = {
-        "environment_range_time": lambda: _range_time_figure(shown, last, labels),
+        "environment_range_time": lambda: _range_time_figure(side_recordings, last, labels),
         "environment_correlation": lambda: _correlation_figure(rows, distances, labels),
     }
     metrics = {
-        f"correlation_{side}_{one['scale']}_{last:g}m": one["value"]
+        f"correlation_{side}_{row['scale']}_{last:g}m": row["value"]
         for side, label in labels.items()
-        for one in rows
-        if one["metric"] == "profile correlation" and one["case"] == label and one["distance_m"] == last
+        for row in rows
+        if row["metric"] == "profile correlation" and row["case"] == label and row["distance_m"] == last
     }
     return Result(TABLE.name, rows, figures, metrics, keys(frame))
 
@@ -133,36 +144,37 @@ def with_points(config: Config, result: Result, points: Sequence[operating_point
     operating_points.add_rows(more, points)
     figures = {**result.figures, "environment_operating_points": lambda: operating_points.draw(points)}
     return replace(
-        result, rows=[*result.rows, *more], figures=figures, keys=sorted({*result.keys, *(key for one in points for key in one.keys)})
+        result, rows=[*result.rows, *more], figures=figures, keys=sorted({*result.keys, *(key for point in points for key in point.keys)})
     )
 
 
-def read(config: Config, source: RecordingSource, read: Callable[..., Frame]) -> Frame:
+def read(config: Config, campaigns: Mapping[str, RecordingSource], read: Callable[..., Frame]) -> Frame:
     """Read the reflector's recordings with their side: measured, simulated with the room, with the room of plasterboard, and in void."""
-    chosen = wanted(config, source)
+    pairs = wanted(config, campaigns)
     parts = []
-    for side, (domain, materials) in SIDES.items():
-        if cases := [(domain, case) for other, case in chosen if other == side]:
-            parts.append(read(source, cases, materials=materials).assign(side=side))
+    for side, domain in SIDES.items():
+        if cases := [(domain, case) for other, case in pairs if other == side]:
+            parts.append(read(campaigns[side], cases).assign(side=side))
     return pd.concat(parts, ignore_index=True)
 
 
-def wanted(config: Config, source: RecordingSource) -> list[tuple[str, Case]]:
+def wanted(config: Config, campaigns: Mapping[str, RecordingSource]) -> list[tuple[str, Case]]:
     """Return (side, case) of the reflector's recordings at the configured distances (default: all)."""
     left_out = {"void": ("room", "uniform"), "uniform": ("uniform",)}.get(config.materials.source, ())
     sides = [side for side in SIDES if side not in left_out]
-    cases = [(side, case) for side in sides for case in source.cases(SIDES[side][0], motion="turntable", room=ROOM_NAME, object=TARGET)]
+    turntable = {"motion": "turntable", "room": ROOM_NAME, "object": TARGET}
+    cases = [(side, case) for side in sides for case in campaigns[side].cases(SIDES[side], **turntable)]
     recorded = {side: {case.distance_m for other, case in cases if other == side} for side in sides}
     shared = set.intersection(*recorded.values())
-    chosen = set(config.experiment.distances_m) or set.union(*recorded.values())
-    if missing := sorted(chosen - shared):
+    distances_m = set(config.experiment.distances_m) or set.union(*recorded.values())
+    if missing := sorted(distances_m - shared):
         have = ", ".join(f"{distance:g}" for distance in sorted(set.union(*recorded.values()))) or "none"
         raise ConfigError(f"experiment.distances_m: the campaign has no turning {TARGET} at {missing[0]:g} m; it has {have}")
-    if not chosen:
+    if not distances_m:
         raise ConfigError(
             f"the campaign has no turning {TARGET} that is both measured and simulated; add its distances to profile.campaign"
         )
-    return [(side, case) for side, case in cases if case.distance_m in chosen]
+    return [(side, case) for side, case in cases if case.distance_m in distances_m]
 
 
 def cells(labels: Mapping[str, str], frame: Frame) -> Iterator[Cell]:
@@ -174,26 +186,26 @@ def cells(labels: Mapping[str, str], frame: Frame) -> Iterator[Cell]:
         at = {"distance_m": distance}
         at_paper = distance == PAPER_DISTANCE_M
         for scale in operating_points.SCALES:
-            found = {side: _correlations(here, side, scale) for side in ("void", "room", "uniform") if side in labels}
-            for side, values in found.items():
+            correlations = {side: _correlations(here, side, scale) for side in ("void", "room", "uniform") if side in labels}
+            for side, values in correlations.items():
                 of, claim = here[here.side.isin(["measured", side])], CORRELATED.get(side, NONE) if at_paper else NONE
                 yield Cell({**at, "case": labels[side], "scale": scale}, "profile correlation", of, mean(values, SIGNED, FISHER), claim)
-            for side in [side for side in found if side != "void"]:
+            for side in [side for side in correlations if side != "void"]:
                 of = here[here.side.isin(["measured", side, "void"])]
                 case = {**at, "case": f"{labels[side]} - void", "scale": scale}
-                yield Cell(case, "gain in correlation", of, mean(found[side] - found["void"], (-2.0, 2.0)))
-                gain = SCALES[FISHER][0](found[side]) - SCALES[FISHER][0](found["void"])
+                yield Cell(case, "gain in correlation", of, mean(correlations[side] - correlations["void"], (-2.0, 2.0)))
+                gain = SCALES[FISHER][0](correlations[side]) - SCALES[FISHER][0](correlations["void"])
                 yield Cell(case, GAIN, of, mean(gain), CLOSER if side == "room" else NONE)
                 if side == "room":
                     gains[scale, distance] = gain
         shares = {
-            side: np.array([beyond_target_share(one.mean_power, one.range_m, distance) for one in here[here.side == side].itertuples()])
+            side: np.array([beyond_target_share(row.mean_power, row.range_m, distance) for row in here[here.side == side].itertuples()])
             for side in labels
         }
         for side, label in labels.items():
             case, claim = {**at, "case": label, "scale": "power"}, BEYOND if at_paper and side == "measured" else NONE
             yield Cell(case, "energy share beyond the target", here[here.side == side], mean(shares[side], SHARE), claim)
-        for side in found:
+        for side in correlations:
             of, case = here[here.side.isin(["measured", side])], {**at, "case": f"{labels[side]} - {labels['measured']}", "scale": "power"}
             if side == "room" and at_paper:
                 less = shares[side].mean() - shares["measured"]
@@ -216,7 +228,7 @@ def _correlations(here: Frame, side: str, scale: str) -> NDArray[np.float64]:
     """Return the correlations of all measured mean profiles with the simulated mean profile of a side."""
     twin = next(here[here.side == side].itertuples()).mean_power
     measured = here[here.side == "measured"].itertuples()
-    return np.array([profile_correlation(twin, one.mean_power, one.range_m, scale) for one in measured])
+    return np.array([profile_correlation(twin, recording.mean_power, recording.range_m, scale) for recording in measured])
 
 
 def similarities(here: Frame, side: str) -> tuple[list[float], list[float]]:
@@ -227,14 +239,14 @@ def similarities(here: Frame, side: str) -> tuple[list[float], list[float]]:
     depend on gain and phase of the recordings.
     """
 
-    def first(one: Any) -> tuple[NDArray, NDArray]:
-        inside = (one.range_m >= NEAR_M) & (one.range_m <= FAR_M)
-        power, signal = one.azimuth_map[0][inside], one.first_frame[0][:, inside]
+    def first(recording: Any) -> tuple[NDArray, NDArray]:
+        inside = (recording.range_m >= NEAR_M) & (recording.range_m <= FAR_M)
+        power, signal = recording.azimuth_map[0][inside], recording.first_frame[0][:, inside]
         return np.clip(1 + np.log10(np.maximum(power / power.max(), 1e-30)) / 6, 0, 1), signal / np.linalg.norm(signal)
 
     (twin_map, twin_signal), measured = first(next(here[here.side == side].itertuples())), here[here.side == "measured"]
-    pairs = [first(one) for one in measured.itertuples()]
-    return [ms_ssim(twin_map, one) for one, _ in pairs], [float(abs(np.vdot(twin_signal, one))) for _, one in pairs]
+    pairs = [first(recording) for recording in measured.itertuples()]
+    return [ms_ssim(twin_map, power) for power, _ in pairs], [float(abs(np.vdot(twin_signal, signal))) for _, signal in pairs]
 
 
 def _add_operating_point(rows: Sequence[dict[str, Any]], best: operating_points.Point | None, labels: dict[str, str]) -> None:
@@ -250,14 +262,14 @@ def _add_operating_point(rows: Sequence[dict[str, Any]], best: operating_points.
             row["at_operating_point"] = float(best.values[name].mean()) if name else None
 
 
-def _range_time_figure(shown: Mapping[str, Any], distance: float, labels: dict[str, str]) -> Figure:
+def _range_time_figure(side_recordings: Mapping[str, Any], distance: float, labels: dict[str, str]) -> Figure:
     """Draw power over turntable angle and range at one distance, as maps with one colour scale. The measured map comes first."""
-    drawing, panels = figure(1, len(shown), width_in=PAGE_WIDTH_IN, height_in=2.8, sharey=True, sharex=True)
-    axis = shown["measured"].range_m
+    drawing, panels = figure(1, len(side_recordings), width_in=PAGE_WIDTH_IN, height_in=2.8, sharey=True, sharex=True)
+    axis = side_recordings["measured"].range_m
     inside = (axis >= NEAR_M) & (axis <= FAR_M)
-    top = max(10 * np.log10(one.revolution[:, inside].max()) for one in shown.values())
-    for panel, (side, one) in zip(panels, shown.items(), strict=True):
-        level = 10 * np.log10(np.maximum(one.revolution[:, inside], 1e-30))
+    top = max(10 * np.log10(recording.revolution[:, inside].max()) for recording in side_recordings.values())
+    for panel, (side, recording) in zip(panels, side_recordings.items(), strict=True):
+        level = 10 * np.log10(np.maximum(recording.revolution[:, inside], 1e-30))
         range_map(panel, level, (0, 360, float(axis[inside][0]), float(axis[inside][-1])), top, 70)
         panel.set(title=labels[side], xlabel="turntable angle (deg)", xticks=[0, 90, 180, 270, 360])
     line = {"arrowstyle": "-", "color": "white"}
@@ -271,11 +283,11 @@ def _correlation_figure(rows: Sequence[dict[str, Any]], distances: list[float], 
     """Draw the correlation of simulated with measured profiles against distance, with one panel for each scale (amplitude, decibels)."""
     drawing, panels = figure(1, len(operating_points.SCALES), width_in=PAGE_WIDTH_IN, height_in=2.6, sharey=True)
     styles = {"void": (PALETTE[1], "s"), "room": (PALETTE[0], "o"), "uniform": (PALETTE[2], "^")}
-    found = {(r["case"], r["scale"], r["distance_m"]): r for r in rows if r["metric"] == "profile correlation"}
+    row_of = {(r["case"], r["scale"], r["distance_m"]): r for r in rows if r["metric"] == "profile correlation"}
     for panel, scale in zip(panels, operating_points.SCALES, strict=True):
         for side, label in labels.items():
             if side != "measured":
-                value, errors = error_bars(found[label, scale, distance] for distance in distances)
+                value, errors = error_bars(row_of[label, scale, distance] for distance in distances)
                 colour, marker = styles[side]
                 panel.errorbar(distances, value, yerr=errors, color=colour, marker=marker, ms=4, capsize=2, label=label)
         panel.axhline(0, color="0.6", lw=0.6)

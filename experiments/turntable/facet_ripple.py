@@ -68,8 +68,10 @@ def ripple_rows(config: Config) -> list[Row]:
     """
     rows = []
     for distance in (NEAR_M, None):
-        found = {flat: [envelope(can(flat), distance, seed) for seed in SEEDS] for flat in (True, False)}
-        band = {flat: [harmonic_ratio(one, FACETS - HALF_BAND, FACETS + HALF_BAND) for one in some] for flat, some in found.items()}
+        envelopes = {flat: [envelope(can(flat), distance, seed) for seed in SEEDS] for flat in (True, False)}
+        band = {
+            flat: [harmonic_ratio(curve, FACETS - HALF_BAND, FACETS + HALF_BAND) for curve in curves] for flat, curves in envelopes.items()
+        }
         where = "far field" if distance is None else f"{distance:g} m"
         for flat, label in ((True, "flat facets"), (False, "curved facets")):
             case = {"case": f"can of {FACETS} {label}, {where}", "distance_m": distance, "of": "tracer"}
@@ -81,5 +83,5 @@ def ripple_rows(config: Config) -> list[Row]:
 
 
 def _row(config: Config, case: dict[str, Any], metric: str, values: list[float], claim: Claim) -> Row:
-    found = Estimate(float(np.median(values)), min(values), max(values), len(values))
-    return Row(case, metric, found, frozenset(), claim, config, domain="none")
+    estimate = Estimate(float(np.median(values)), min(values), max(values), len(values))
+    return Row(case, metric, estimate, frozenset(), claim, config, domain="none")

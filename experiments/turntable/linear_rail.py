@@ -94,13 +94,13 @@ def cells(frame: Frame) -> Iterator[Cell]:
 def _figure(frame: Frame) -> Figure:
     """Draw tracked and logged range over time, with one panel per motion and tracker."""
     groups = frame.groupby(["object", "motion"], sort=False)
-    shown = [(motion, both, tracker) for (_, motion), both in groups for tracker in TRACKERS]
-    drawing, panels = figure(1, len(shown), width_in=PAGE_WIDTH_IN, height_in=2.5, sharey=True, squeeze=False)
-    for panel, (motion, both, tracker) in zip(panels[0], shown, strict=True):
+    contents = [(motion, both, tracker) for (_, motion), both in groups for tracker in TRACKERS]
+    drawing, panels = figure(1, len(contents), width_in=PAGE_WIDTH_IN, height_in=2.5, sharey=True, squeeze=False)
+    for panel, (motion, both, tracker) in zip(panels[0], contents, strict=True):
         for domain, (colour, _) in DOMAIN_STYLES.items():
-            for number, one in enumerate(both[both.domain == domain].itertuples()):
+            for number, recording in enumerate(both[both.domain == domain].itertuples()):
                 label = LABELS[domain] if number == 0 else None
-                panel.plot(_time_s(one), getattr(one, tracker), color=colour, lw=1, label=label)
+                panel.plot(_time_s(recording), getattr(recording, tracker), color=colour, lw=1, label=label)
         log = next(both[both.domain == TWIN].itertuples())
         panel.plot(_time_s(log), log.nominal_m, color="black", lw=1, ls=":", label="log")
         panel.set(title=f"{motion}, {tracker}", xlabel="time (s)")

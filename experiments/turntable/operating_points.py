@@ -116,16 +116,16 @@ def conditions(config: Config) -> tuple[Condition, ...]:
     The result is empty if the table has no operating points. The table has operating points if the testbed measures at the paper's distance
     and the simulation has a room.
     """
-    chosen, profile = config.experiment.distances_m, config.profile.name
-    if config.measured.provider != "testbed" or config.materials.source == VOID or (chosen and DISTANCE_M not in chosen):
+    distances_m, profile = config.experiment.distances_m, config.profile.name
+    if config.measured.provider != "testbed" or config.materials.source == VOID or (distances_m and DISTANCE_M not in distances_m):
         return ()
-    lobes = [one for one in LOBES.get(profile, ()) if config.measured.gap.antenna or not one]
+    lobes = [lobe for lobe in LOBES.get(profile, ()) if config.measured.gap.antenna or not lobe]
     return tuple(Condition(*pair) for pair in itertools.product(lobes, UNSCANNED.get(profile, ())))
 
 
 def wanted(config: Config) -> list[tuple[str, Case]]:
     """Return (domain, case) of all recordings that the operating points of one condition read."""
-    return [one for leg in LEGS_M[config.profile.name] for one in _recordings(config, leg)]
+    return [pair for leg in LEGS_M[config.profile.name] for pair in _recordings(config, leg)]
 
 
 def _reflector(leg_m: float) -> str:
@@ -152,41 +152,41 @@ def _point(rows: Frame, leg_m: float, condition: Condition, average: str, window
     near = np.abs(range_m - DISTANCE_M) <= WINDOWS_M[window]
     measured, (room,), (void,) = (profiles[rows.domain == domain] for domain in (MEASURED, TWIN, VOID))
     correlations = {
-        name: np.array([profile_correlation(one[near], power[near], range_m[near], scale) for power in measured])
-        for name, one in ((VOID, void), ("room", room))
+        name: np.array([profile_correlation(profile[near], power[near], range_m[near], scale) for power in measured])
+        for name, profile in ((VOID, void), ("room", room))
     }
-    values = {"share": np.array([beyond_target_share(one, range_m, DISTANCE_M) for one in measured]), **correlations}
-    inside, whole = np.transpose([gate_energies(one, range_m, DISTANCE_M) for one in measured])
+    values = {"share": np.array([beyond_target_share(power, range_m, DISTANCE_M) for power in measured]), **correlations}
+    inside, whole = np.transpose([gate_energies(power, range_m, DISTANCE_M) for power in measured])
     ratio = 10 * np.log10(np.mean(inside) / np.mean(values["share"] * whole))
     return Point(leg_m, condition, average, window, scale, float(ratio), values, list(rows.key))
 
 
 def best(points: Sequence[Point]) -> Point | None:
     """Return the accepted point with the smallest departure from the paper's figures, or None if no point is accepted."""
-    return min((one for one in points if one.accepted), key=lambda one: one.departure, default=None)
+    return min((point for point in points if point.accepted), key=lambda point: point.departure, default=None)
 
 
 def add_rows(rows: RowList, points: Sequence[Point]) -> None:
     """Add the figures of the points nearest to the paper's, the share of recordings with its figures at the point with most of them, and
     the number of points at which its figures occur together in the mean.
     """
-    nearest = sorted(points, key=lambda one: (not one.accepted, one.departure))
-    for one in nearest[:SHOWN]:
-        case = {"distance_m": DISTANCE_M, "target_to_room_db": one.ratio_db, "scale": one.scale}
-        share = {**case, "case": f"measured, {one.name}, {SCALES[one.scale]}"}
-        rows.add_mean(share, "energy share beyond the target", one.values["share"], one.keys, limits=statistics.SHARE)
+    nearest = sorted(points, key=lambda point: (not point.accepted, point.departure))
+    for point in nearest[:SHOWN]:
+        case = {"distance_m": DISTANCE_M, "target_to_room_db": point.ratio_db, "scale": point.scale}
+        share = {**case, "case": f"measured, {point.name}, {SCALES[point.scale]}"}
+        rows.add_mean(share, "energy share beyond the target", point.values["share"], point.keys, limits=statistics.SHARE)
         for name in (VOID, "room"):
             limits = {"limits": statistics.SIGNED, "on": statistics.FISHER}
-            rows.add_mean({**case, "case": f"{name}, {one.name}"}, "profile correlation", one.values[name], one.keys, **limits)
-    most = max(nearest, key=lambda one: one.together.sum())
+            rows.add_mean({**case, "case": f"{name}, {point.name}"}, "profile correlation", point.values[name], point.keys, **limits)
+    most = max(nearest, key=lambda point: point.together.sum())
     case = {"distance_m": DISTANCE_M, "target_to_room_db": most.ratio_db, "case": f"measured, {most.name}", "scale": most.scale}
     share = statistics.share(int(most.together.sum()), len(most.together))
     rows.add(case, "share of recordings with the paper's figures, largest", share, most.keys)
-    shown, count = nearest[0], sum(one.accepted for one in points)
-    means = ", ".join(f"{np.mean(shown.values[name]):+.2f}" for name in FIGURES)
-    text = f"{'best' if shown.accepted else 'none, nearest'}: {shown.name}, {SCALES[shown.scale]}: {means}"
-    case = {"distance_m": DISTANCE_M, "target_to_room_db": shown.ratio_db, "case": text, "scale": shown.scale}
-    keys = [key for one in points for key in one.keys]
+    closest, count = nearest[0], sum(point.accepted for point in points)
+    means = ", ".join(f"{np.mean(closest.values[name]):+.2f}" for name in FIGURES)
+    text = f"{'best' if closest.accepted else 'none, nearest'}: {closest.name}, {SCALES[closest.scale]}: {means}"
+    case = {"distance_m": DISTANCE_M, "target_to_room_db": closest.ratio_db, "case": text, "scale": closest.scale}
+    keys = [key for point in points for key in point.keys]
     rows.add(case, "operating points with the paper's figures", statistics.exact(count, len(points)), keys, TOGETHER)
 
 
@@ -195,8 +195,8 @@ def draw(points: Sequence[Point]) -> Figure:
     drawing, panels = figure(1, len(SCALES), width_in=PAGE_WIDTH_IN, height_in=3.2, sharex=True, sharey=True)
     for panel, (scale, label) in zip(panels, SCALES.items(), strict=True):
         for window, marker in zip(WINDOWS_M, "os", strict=True):
-            some = [one for one in points if (one.scale, one.window) == (scale, window)]
-            share, void, room = ([np.mean(one.values[name]) for one in some] for name in FIGURES)
+            of_window = [point for point in points if (point.scale, point.window) == (scale, window)]
+            share, void, room = ([np.mean(point.values[name]) for point in of_window] for name in FIGURES)
             dots = panel.scatter(void, room, c=share, marker=marker, s=14, vmin=0, vmax=1, cmap="coolwarm", label=window)
         (left, right), (low, high) = LIMITS[VOID], LIMITS["room"]
         panel.fill_between((max(left, -0.5), right), low, high, color="0.5", alpha=0.2, lw=0)

@@ -74,7 +74,7 @@ def score(config: Config, frame: Frame, ripple: bool = True) -> Result:
 
     Raises InputError if the recordings differ in the number of frames per revolution.
     """
-    if len(frames := sorted({len(one) for one in frame.signature})) > 1:
+    if len(frames := sorted({len(signature) for signature in frame.signature})) > 1:
         raise InputError(
             f"revolutions of {' and '.join(map(str, frames))} frames cannot be compared; record all turntables at one frame rate and period"
         )
@@ -110,10 +110,10 @@ def _ratios(frame: Frame) -> Iterator[Cell]:
     can, peaked = frame.object.map(is_can), frame["shape"] != "symmetric"
     for domain in COMPARED:
         of = frame[frame.domain == domain]
-        for name, some in of.groupby("object", sort=False):
-            paper = ("0.03-0.18" if can[some.index[0]] else "0.72-2.5" if peaked[some.index[0]] else "") if domain == MEASURED else ""
+        for name, rows in of.groupby("object", sort=False):
+            paper = ("0.03-0.18" if can[rows.index[0]] else "0.72-2.5" if peaked[rows.index[0]] else "") if domain == MEASURED else ""
             case = _case(catalogue()[name].label, LABELS[domain])
-            yield Cell(case, "angular harmonic ratio", some, mean(RATIO, statistics.POSITIVE), Claim(paper=paper))
+            yield Cell(case, "angular harmonic ratio", rows, mean(RATIO, statistics.POSITIVE), Claim(paper=paper))
         if can.any() and peaked.any():
             case = _case("peaked over cans", LABELS[domain])
             yield Cell(case, "ratio of harmonic ratios", of[(can | peaked)[of.index]], _separation, SPLIT)
@@ -125,10 +125,10 @@ def _separation(rows: Frame, resamples: int, seed: int) -> Estimate:
     """
     logs = np.log(per(RATIO)(rows).clip(lower=LOWEST))
     cans = logs.index.map(is_can)
-    found = statistics.difference(logs[~cans].to_numpy(), logs[cans].to_numpy(), resamples, seed)
-    assert found.drawn is not None
-    ratios = (np.exp(one) for one in (found.value, found.low, found.high))
-    return replace(found, **dict(zip(("value", "low", "high"), map(float, ratios), strict=True)), drawn=np.exp(found.drawn),
+    estimate = statistics.difference(logs[~cans].to_numpy(), logs[cans].to_numpy(), resamples, seed)
+    assert estimate.drawn is not None
+    ratios = (np.exp(log_ratio) for log_ratio in (estimate.value, estimate.low, estimate.high))
+    return replace(estimate, **dict(zip(("value", "low", "high"), map(float, ratios), strict=True)), drawn=np.exp(estimate.drawn),
                    limits=statistics.POSITIVE, scale=statistics.LOG)  # fmt: skip
 
 
@@ -139,9 +139,9 @@ def _orders(frame: Frame) -> Iterator[Cell]:
     cases = [("all objects", None, frame, ORDER), ("cleanly localised objects", None, clean, CLEAN)]
     cases += [("all objects at one distance", distance, here, NONE) for distance, here in frame.groupby("distance_m")]
     order = rank_correlation(per(RATIO, MEASURED), per(RATIO, TWIN))
-    for label, distance, some, claim in cases:
-        if some.object.nunique() > 2:
-            yield Cell(_case(label, distance_m=distance), "order of objects", some, order, claim)
+    for label, distance, rows, claim in cases:
+        if rows.object.nunique() > 2:
+            yield Cell(_case(label, distance_m=distance), "order of objects", rows, order, claim)
     if frame.object.nunique() > 2:
         yield Cell(_case("all objects"), "distances between objects", frame, mantel(SHAPE_FEATURES), STRUCTURE)
 
@@ -168,13 +168,13 @@ def own_and_others(similar: Frame) -> tuple[Column, Frame]:
 
 def _signatures(frame: Frame) -> Iterator[Cell]:
     similar = similarity(frame)
-    for name, some in frame.groupby("object", sort=False):
-        own = similar.ssim[(similar.object == name) & (similar.object_twin == name)].to_numpy()
-        yield Cell(_case(catalogue()[name].label), "signature (SSIM)", some, mean(own, statistics.SIGNED))
-    own, others = own_and_others(similar)
-    yield Cell(_case("all objects"), "signatures", frame, mean(own, statistics.SIGNED), ALIKE)
-    if len(own) > 1:
-        yield Cell(_case("all objects"), "own signature less others'", frame, mean(own - others.mean(axis=1)), OWN)
+    for name, rows in frame.groupby("object", sort=False):
+        own_ssim = similar.ssim[(similar.object == name) & (similar.object_twin == name)].to_numpy()
+        yield Cell(_case(catalogue()[name].label), "signature (SSIM)", rows, mean(own_ssim, statistics.SIGNED))
+    own_ssim, others = own_and_others(similar)
+    yield Cell(_case("all objects"), "signatures", frame, mean(own_ssim, statistics.SIGNED), ALIKE)
+    if len(own_ssim) > 1:
+        yield Cell(_case("all objects"), "own signature less others'", frame, mean(own_ssim - others.mean(axis=1)), OWN)
 
 
 def _distances(frame: Frame) -> Iterator[Cell]:
@@ -189,27 +189,27 @@ def _distances(frame: Frame) -> Iterator[Cell]:
         objects, spread = ratios.mean(axis=1), (ratios.std(axis=1) / ratios.mean(axis=1)).dropna()
         claimed = Claim(_STABLE, "0.07", bound=float(objects.std() / objects.mean()), direction=BELOW) if domain == MEASURED else NONE
         for label, (low, high), claim in (("reflector, 0.6-2.1 m", STABLE_M, claimed), ("reflector, all distances", (0.0, np.inf), NONE)):
-            some = of[(of.object == REFLECTOR) & of.distance_m.between(low, high)]
-            if some.distance_m.nunique() > 1:
-                values = ratios.loc[REFLECTOR, some.distance_m.unique()]
-                yield Cell(_case(label, LABELS[domain]), metric, some, using(statistics.coefficient_of_variation, values), claim)
+            rows = of[(of.object == REFLECTOR) & of.distance_m.between(low, high)]
+            if rows.distance_m.nunique() > 1:
+                values = ratios.loc[REFLECTOR, rows.distance_m.unique()]
+                yield Cell(_case(label, LABELS[domain]), metric, rows, using(statistics.coefficient_of_variation, values), claim)
         if len(spread):
-            some = of[of.object.isin(spread.index)]
-            yield Cell(_case("mean of objects", LABELS[domain]), metric, some, mean(spread, statistics.POSITIVE))
+            rows = of[of.object.isin(spread.index)]
+            yield Cell(_case("mean of objects", LABELS[domain]), metric, rows, mean(spread, statistics.POSITIVE))
 
 
 def _ssim_figure(similar: Frame) -> Figure:
     """Draw the SSIM of each measured object with its own simulation as bars, and with the simulations of other objects as dots."""
     drawing, axes = figure(1, 1, width_in=PAGE_WIDTH_IN * 0.75, height_in=2.8)
-    own, others = own_and_others(similar)
-    place = np.arange(len(own))
-    axes.bar(place, own, color=PALETTE[5], label=f"own twin, mean {own.mean():.2f}")
+    own_ssim, others = own_and_others(similar)
+    place = np.arange(len(own_ssim))
+    axes.bar(place, own_ssim, color=PALETTE[5], label=f"own twin, mean {own_ssim.mean():.2f}")
     for i, values in enumerate(others.to_numpy()):
         label = "other objects' twins" if i == 0 else None
         axes.plot(np.full(len(values), i), values, ".", ms=5, color="white", mec="black", mew=0.6, label=label)
     axes.axhline(0.76, color=PALETTE[1], lw=1.2, ls="--", label="mean of the paper, 0.76")
     axes.set(ylabel="SSIM of signatures", ylim=(0, 1.05))
-    axes.set_xticks(place, [catalogue()[name].label for name in own.index], rotation=40, ha="right")
+    axes.set_xticks(place, [catalogue()[name].label for name in own_ssim.index], rotation=40, ha="right")
     drawing.legend(loc="outside upper center", ncols=3)
     return drawing
 

@@ -87,8 +87,8 @@ def slope_db(height_m: NDArray, brightness_db: NDArray, resamples: int, seed: in
     """
     octaves = np.log2(height_m)
 
-    def slope(chosen: NDArray) -> float:
-        x, y = octaves[chosen], brightness_db[chosen]
+    def slope(index: NDArray) -> float:
+        x, y = octaves[index], brightness_db[index]
         first, second = np.triu_indices(len(x), 1)
         apart = x[first] != x[second]
         return float(np.median((y[second] - y[first])[apart] / (x[second] - x[first])[apart])) if apart.any() else np.nan

@@ -82,7 +82,7 @@ class Compared:
     length_mm: np.ndarray  # (M,) length errors of the matched paths
     level_db: np.ndarray  # level errors of the matched paths with a clear first Fresnel zone
     cut_level_db: np.ndarray  # level errors of the matched paths without a clear first Fresnel zone
-    ours_matched: np.ndarray  # whether each of RadarTwin's strong paths has a partner in the reference
+    simulated_matched: np.ndarray  # whether each of RadarTwin's strong paths has a partner in the reference
     small: int  # number of the reference's paths that reflect at small surfaces
 
 
@@ -92,28 +92,28 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     """
     places = 1 if config.profile.name == "quick" else config.profile.repeats
     compared: dict[tuple[str, str, str], list[Compared]] = {}
-    shown: dict[str, dict[str, PathSet]] = {}
+    by_room: dict[str, dict[str, PathSet]] = {}
     cases = [(room, detail, place, config.seed) for room in ROOMS for detail in DETAILS for place in range(places)]
     with progress.task("rooms", len(cases)) as done:
-        paths = workers.each(_found, cases, config.jobs, done)
-    for (room, detail, *_), found in zip(cases, paths, strict=True):
-        shown.setdefault(f"{room}, {detail}", found)
+        paths = workers.each(_paths_in, cases, config.jobs, done)
+    for (room, detail, *_), path_sets in zip(cases, paths, strict=True):
+        by_room.setdefault(f"{room}, {detail}", path_sets)
         for name in REFERENCES:
-            compared.setdefault((room, detail, name), []).append(compare(found[name], found["ours"]))
+            compared.setdefault((room, detail, name), []).append(compare(path_sets[name], path_sets["ours"]))
     rows = [row for key, each in compared.items() for row in _rows(key, each, config)]
     metrics = {
         f"{what} {name}".replace(",", ""): float(of([row["value"] for row in rows if row["metric"] == metric and row["reference"] == name]))
         for what, metric, of in (("least matched share", METRICS[0], min), ("worst mean level error dB", METRICS[1], max))
         for name in REFERENCES
     }
-    return Result(TABLE.name, rows, {TABLE.name: lambda: _figure(shown)}, metrics)
+    return Result(TABLE.name, rows, {TABLE.name: lambda: _figure(by_room)}, metrics)
 
 
-def _found(room: str, detail: str, place: int, seed: int) -> dict[str, PathSet]:
+def _paths_in(room: str, detail: str, place: int, seed: int) -> dict[str, PathSet]:
     """Return {name: paths} of RadarTwin and of each reference at one radar position in a room."""
     scene, pose = rooms.room(room, detail=detail), pose_in(room, place, seed)
-    found = {"ours": ours(scene, pose)} | {name: reference(name, scene, pose) for name in REFERENCES}
-    return {name: cleared(one, found["image sources"]) for name, one in found.items()}
+    path_sets = {"ours": radartwin_paths(scene, pose)} | {name: reference(name, scene, pose) for name in REFERENCES}
+    return {name: cleared(paths, path_sets["image sources"]) for name, paths in path_sets.items()}
 
 
 def pose_in(room: str, place: int, seed: int) -> np.ndarray:
@@ -128,7 +128,7 @@ def pose_in(room: str, place: int, seed: int) -> np.ndarray:
     return pose
 
 
-def ours(scene: Scene, pose: np.ndarray) -> PathSet:
+def radartwin_paths(scene: Scene, pose: np.ndarray) -> PathSet:
     """Return RadarTwin's paths that reflect at flat faces only, without diffraction at edges."""
     parts = MitsubaBackend(TraceSettings(room="panels", diffuse=False, max_bounces=BOUNCES)).paths(scene, RADAR, pose[None])
     return together(_of_paths(Paths.concatenate([part for part in parts if part.mirror is not None])))
@@ -191,29 +191,29 @@ def frequency_hz(scene: Scene) -> float:
     return float(_middle(nodes[None], nodes)[0])
 
 
-def cleared(found: PathSet, images: PathSet) -> PathSet:
+def cleared(paths: PathSet, images: PathSet) -> PathSet:
     """Return the paths with the attribute `clear` taken from the matching image source.
 
     A path that reflects at furniture has no matching image source, so its `clear` is false.
     """
-    index = partners(found, images)
-    return replace(found, clear=np.where(index >= 0, images.clear[index], False))
+    index = partners(paths, images)
+    return replace(paths, clear=np.where(index >= 0, images.clear[index], False))
 
 
-def compare(theirs: PathSet, mine: PathSet) -> Compared:
+def compare(reference_paths: PathSet, simulated: PathSet) -> Compared:
     """Match the strong paths of a reference with all paths of RadarTwin, and RadarTwin's strong paths with all paths of the reference."""
-    every = theirs.strong(DYNAMIC_DB)
+    every = reference_paths.strong(DYNAMIC_DB)
     strong = every.where(~every.small)
-    index = partners(strong, mine)
+    index = partners(strong, simulated)
     there = index >= 0
-    matched, partner = strong.where(there), mine.where(index[there])
+    matched, partner = strong.where(there), simulated.where(index[there])
     level_db = matched.level_db - partner.level_db
     return Compared(
         there,
         1e3 * (matched.length_m - partner.length_m),
         level_db[matched.clear],
         level_db[~matched.clear],
-        partners(mine.strong(DYNAMIC_DB), theirs) >= 0,
+        partners(simulated.strong(DYNAMIC_DB), reference_paths) >= 0,
         int(every.small.sum()),
     )
 
@@ -226,34 +226,34 @@ def _rows(key: tuple[str, str, str], each: list[Compared], config: Config) -> li
         metric: str, samples: np.ndarray, holds: Callable[[float, float], bool] | None, limits: tuple[float, float] = statistics.POSITIVE
     ) -> dict[str, Any]:
         case = {"room": room, "detail": detail, "reference": name, "claim": CLAIMS[metric] if holds else ""}
-        found = statistics.mean(samples, config.profile.resamples, config.seed, limits) if len(samples) else statistics.exact(np.nan, 0)
-        return case | claims.score_columns(metric, found, "simulation", holds(found.low, found.high) if holds else None)
+        estimate = statistics.mean(samples, config.profile.resamples, config.seed, limits) if len(samples) else statistics.exact(np.nan, 0)
+        return case | claims.score_columns(metric, estimate, "simulation", holds(estimate.low, estimate.high) if holds else None)
 
     def joined(field: str) -> np.ndarray:
-        return np.concatenate([getattr(one, field) for one in each]).astype(float)
+        return np.concatenate([getattr(comparison, field) for comparison in each]).astype(float)
 
-    found = [
+    rows = [
         row("matched share", joined("matched"), lambda low, _: low >= SHARE, statistics.SHARE),
-        row("share of ours it has", joined("ours_matched"), None, statistics.SHARE),
+        row("share of ours it has", joined("simulated_matched"), None, statistics.SHARE),
         row("level error (dB)", np.abs(joined("level_db")), lambda _, high: high <= LEVEL_DB),
         row("level difference where an edge cuts the zone (dB)", np.abs(joined("cut_level_db")), None),
     ]
     if name != "Sionna, apart":
-        found.insert(2, row("length error (mm)", np.abs(joined("length_mm")), lambda _, high: high <= DELAY_MM))
-    if (small := np.array([float(one.small) for one in each])).any():
-        found.append(row("paths over small things", small, None))
-    return [one for one in found if one["n"]]
+        rows.insert(2, row("length error (mm)", np.abs(joined("length_mm")), lambda _, high: high <= DELAY_MM))
+    if (small := np.array([float(comparison.small) for comparison in each])).any():
+        rows.append(row("paths over small things", small, None))
+    return [line for line in rows if line["n"]]
 
 
-def _figure(shown: dict[str, dict[str, PathSet]]) -> Figure:
+def _figure(by_room: dict[str, dict[str, PathSet]]) -> Figure:
     """Draw the level of each path against half of the path's length, with one panel per room."""
     drawing, panels = figure(len(ROOMS), len(DETAILS), width_in=PAGE_WIDTH_IN, height_in=6.4, sharex=True, sharey=True)
     looks = {
         "ours": ("o", "none", PALETTE[0], 6.0), "image sources": ("+", PALETTE[1], PALETTE[1], 5.0),
         "Sionna, co-located": ("x", PALETTE[2], PALETTE[2], 4.0), "Sionna, apart": (".", PALETTE[3], PALETTE[3], 4.0),
     }  # fmt: skip
-    for panel, (title, found) in zip(panels.flat, shown.items(), strict=True):
-        for name, images in found.items():
+    for panel, (title, path_sets) in zip(panels.flat, by_room.items(), strict=True):
+        for name, images in path_sets.items():
             marker, face, edge, size = looks[name]
             strong = images.strong(DYNAMIC_DB)
             label = "this tracer" if name == "ours" else name

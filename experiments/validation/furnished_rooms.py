@@ -48,7 +48,7 @@ class Score:
 
     def worst(self, measure: str) -> float:
         """Return the larger value of a property of `Compared`, at rest and on the track."""
-        return max(float(getattr(one, measure)) for one in (self.compared, self.on_track))
+        return max(float(getattr(comparison, measure)) for comparison in (self.compared, self.on_track))
 
 
 def simulated(scene: Scene, frames: int) -> tuple[np.ndarray, int, float]:
@@ -72,7 +72,7 @@ def score(folder: Path, name: str) -> Score:
     """Simulate a room of a folder at rest and on a track, and compare both with its full-wave field."""
     scene = fullwave.scene(folder, name)
     (samples, paths, rest), (moving, _, track) = (simulated(scene, frames) for frames in (1, FRAMES))
-    compared, on_track = (fullwave.compare(folder, name, one) for one in (samples, moving))
+    compared, on_track = (fullwave.compare(folder, name, iq) for iq in (samples, moving))
     return Score(folder, name, compared, on_track, paths, rest, 1e3 * track / FRAMES)
 
 
@@ -85,7 +85,7 @@ def rooms() -> list[tuple[Path, str]]:
 def worst(full: bool) -> Score:
     """Return the seeded room with the largest profile difference. If `full` is false, only the first room of each kind counts."""
     names = fullwave.names(furnished.ROOMS)[: None if full else len(furnished.KINDS)]
-    return max((score(furnished.ROOMS, name) for name in names), key=lambda one: one.worst("profile_db"))
+    return max((score(furnished.ROOMS, name) for name in names), key=lambda room_score: room_score.worst("profile_db"))
 
 
 def table(scores: Iterable[Score]) -> str:
@@ -101,18 +101,21 @@ def table(scores: Iterable[Score]) -> str:
     return pd.concat([rows, rows.agg(["median", "max"]).rename({"max": "worst"})]).round(3).to_string()
 
 
-def drawing(shown: Score) -> Figure:
+def drawing(room_score: Score) -> Figure:
     """Draw the layout of a room and the range profiles of the full-wave field and of the simulation."""
     canvas, (left, right) = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=2.6)
-    for number, (part, lines) in enumerate(fullwave.strips(shown.folder, shown.name).items()):
-        for one, (start, end) in enumerate(lines):
-            label = part.replace("_", " ") if not one else None
+    for number, (part, lines) in enumerate(fullwave.strips(room_score.folder, room_score.name).items()):
+        for line, (start, end) in enumerate(lines):
+            label = part.replace("_", " ") if not line else None
             left.plot([start[0], end[0]], [start[1], end[1]], color=PALETTE[number % len(PALETTE)], label=label)
     left.plot(0, 0, "^", color="0.3", label="radar")
-    left.set(aspect="equal", xlabel="x (m)", ylabel="y (m)", title=shown.name.replace("_", " "))
+    left.set(aspect="equal", xlabel="x (m)", ylabel="y (m)", title=room_score.name.replace("_", " "))
     left.legend(loc="upper left", bbox_to_anchor=(1, 1))
-    compared, peak = shown.compared, np.abs(shown.compared.truth).max()
-    for profile, label, colour, width in ((compared.truth, "full wave", "0.6", 2.5), (compared.ours, "this simulator", PALETTE[0], 0.9)):
+    compared, peak = room_score.compared, np.abs(room_score.compared.truth).max()
+    for profile, label, colour, width in (
+        (compared.truth, "full wave", "0.6", 2.5),
+        (compared.simulated, "this simulator", PALETTE[0], 0.9),
+    ):
         right.plot(compared.range_m, 20 * np.log10(np.abs(profile) / peak), label=label, color=colour, lw=width)
     title = f"profile {compared.profile_db:.1f} dB, complex error {compared.error:.2f}"
     right.set(xlabel="range (m)", ylabel="level (dB)", ylim=(-60, 5), title=title)
@@ -124,9 +127,9 @@ def _worst(measure: str, folder: Path, few: int, full: bool) -> Finding:
     """Return the worst value of a property of `Compared` over the rooms of a folder, or over its first `few` rooms."""
     if not folder.is_dir():
         raise Untestable(f"the folder {folder} is missing")
-    chosen = fullwave.names(folder)[: None if full else few]
-    found = max(score(folder, name).worst(measure) for name in chosen)
-    return Finding(0.0, found, found, len(chosen))
+    names = fullwave.names(folder)[: None if full else few]
+    largest = max(score(folder, name).worst(measure) for name in names)
+    return Finding(0.0, largest, largest, len(names))
 
 
 SETS = {
@@ -150,9 +153,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Score the simulator in furnished metal rooms against full-wave fields.")
     parser.add_argument("--output", type=Path, default=Path("outputs"), help="folder of the figure")
     folder = parser.parse_args().output
-    scores = [score(*one) for one in rooms()]
+    scores = [score(*room) for room in rooms()]
     print(table(scores))
-    save(drawing(max(scores, key=lambda one: one.worst("profile_db"))), folder / "figures" / "furnished_rooms_worst")
+    save(drawing(max(scores, key=lambda room_score: room_score.worst("profile_db"))), folder / "figures" / "furnished_rooms_worst")
 
 
 if __name__ == "__main__":

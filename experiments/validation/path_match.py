@@ -34,26 +34,26 @@ class PathSet:
         return self.where(self.level_db >= self.level_db.max(initial=-np.inf) - dynamic_db)
 
 
-def together(found: PathSet) -> PathSet:
+def together(paths: PathSet) -> PathSet:
     """Return the paths after all paths of the same image source are added into one path."""
-    left, groups = np.ones(len(found.length_m), bool), []
-    for i in np.argsort(-np.abs(found.amplitude), kind="stable"):
+    left, groups = np.ones(len(paths.length_m), bool), []
+    for i in np.argsort(-np.abs(paths.amplitude), kind="stable"):
         if left[i]:
-            same = left & (np.abs(found.length_m - found.length_m[i]) < SAME_M)
-            same[same] &= _apart_deg(found.where(same), found.departure[i], found.arrival[i]) < SAME_DEG
+            same = left & (np.abs(paths.length_m - paths.length_m[i]) < SAME_M)
+            same[same] &= _apart_deg(paths.where(same), paths.departure[i], paths.arrival[i]) < SAME_DEG
             same[i] = True
             left &= ~same
-            groups.append((i, found.amplitude[same].sum()))
-    first = found.where(np.array([i for i, _ in groups], int))
+            groups.append((i, paths.amplitude[same].sum()))
+    first = paths.where(np.array([i for i, _ in groups], int))
     return replace(first, amplitude=np.array([total for _, total in groups]))
 
 
-def _apart_deg(found: PathSet, departure: np.ndarray, arrival: np.ndarray) -> np.ndarray:
+def _apart_deg(paths: PathSet, departure: np.ndarray, arrival: np.ndarray) -> np.ndarray:
     """Return for each path (N,) the larger angle in degrees between the compared directions at its two ends.
 
     The angles between directions are computed from chords, because cosines are inaccurate for small angles.
     """
-    chords = [np.linalg.norm(one - other, axis=1) for one, other in ((found.departure, departure), (found.arrival, arrival))]
+    chords = [np.linalg.norm(direction - other, axis=1) for direction, other in ((paths.departure, departure), (paths.arrival, arrival))]
     return np.degrees(2 * np.arcsin(np.clip(np.maximum(*chords) / 2, 0, 1)))
 
 

@@ -114,7 +114,7 @@ class Compared:
 
     quantity: str
     method: str
-    found: Estimate
+    estimate: Estimate
     claim: str = ""
     limit: float | None = None
     note: str = ""
@@ -143,13 +143,13 @@ def rows_of(measurement: Measurement, compare: Callable[[Config], Iterator[Compa
 
 
 def _row(measurement: Measurement, compared: Compared) -> dict[str, Any]:
-    found, limit = compared.found, compared.limit
-    end = found.low if compared.overlaps else found.high
-    holds = None if limit is None else (end if np.isfinite(end) else found.value) <= limit
+    estimate, limit = compared.estimate, compared.limit
+    end = estimate.low if compared.overlaps else estimate.high
+    holds = None if limit is None else (end if np.isfinite(end) else estimate.value) <= limit
     return {
         "measurement": measurement.name, "method": compared.method, "claim": compared.claim,
         "limit": f"low <= {limit:.3g}" if compared.overlaps and limit else limit, "note": compared.note,
-        "source": measurement.source, "licence": measurement.licence, **claims.score_columns(compared.quantity, found, DOMAIN, holds),
+        "source": measurement.source, "licence": measurement.licence, **claims.score_columns(compared.quantity, estimate, DOMAIN, holds),
     }  # fmt: skip
 
 
@@ -191,23 +191,23 @@ def compare_dihedrals(config: Config) -> Iterator[Compared]:
     """Yield the standard deviation of simulated minus measured level for each size and method, and over both sizes."""
     _, measured = measured_levels()
     errors = {method: np.array([dihedral_levels(side, method) - measured[side] for side in SIDES_M]) for method in METHODS}
-    chosen = _blocks(len(measured[SIDES_M[0]]), config.profile.resamples, np.random.default_rng(config.seed))
+    blocks = _blocks(len(measured[SIDES_M[0]]), config.profile.resamples, np.random.default_rng(config.seed))
     parts = {f"{100 * side:.0f} cm": slice(k, k + 1) for k, side in enumerate(SIDES_M)} | {"both sizes, one offset": slice(None)}
     for method in METHODS:
         for name, part in parts.items():
-            found, optics = (_spread(errors[one][part], chosen) for one in (method, OPTICS))
+            estimate, optics = (_spread(errors[tested][part], blocks) for tested in (method, OPTICS))
             limit = optics.high if method == OURS else None
             claim = "not farther from the measured levels than physical optics is" if limit else ""
             note = "" if limit else "whose interval is the limit" if method == OPTICS else "control without near field"
-            yield Compared(f"{name}: std of level difference (dB)", method, found, claim, limit, note, overlaps=True)
-        means = errors[method][:, chosen].mean(axis=2)
-        found = resampled(float(np.diff(errors[method].mean(axis=1))[0]), np.diff(means, axis=0)[0], errors[method].shape[1])
-        yield Compared("offset of 10 cm minus offset of 5 cm (dB)", method, found, note="mean of computed minus measured level")
+            yield Compared(f"{name}: std of level difference (dB)", method, estimate, claim, limit, note, overlaps=True)
+        means = errors[method][:, blocks].mean(axis=2)
+        estimate = resampled(float(np.diff(errors[method].mean(axis=1))[0]), np.diff(means, axis=0)[0], errors[method].shape[1])
+        yield Compared("offset of 10 cm minus offset of 5 cm (dB)", method, estimate, note="mean of computed minus measured level")
 
 
-def _spread(errors: np.ndarray, chosen: np.ndarray) -> Estimate:
-    """Return the standard deviation of the errors (sizes, aspects) in dB, which have one unknown offset, over the `_blocks` chosen."""
-    drawn = np.swapaxes(errors[:, chosen], 0, 1).reshape(len(chosen), -1).std(axis=1)
+def _spread(errors: np.ndarray, blocks: np.ndarray) -> Estimate:
+    """Return the standard deviation of the errors (sizes, aspects) in dB, which have one unknown offset, over these `_blocks`."""
+    drawn = np.swapaxes(errors[:, blocks], 0, 1).reshape(len(blocks), -1).std(axis=1)
     return resampled(float(errors.std()), drawn, errors.size)
 
 
@@ -241,15 +241,17 @@ def compare_walk(config: Config) -> Iterator[Compared]:
     off = abs(float(ranges[0]) - WALKER_M)
     yield Compared("walker: range error (m)", "processing", exact(off, 1), "strongest moving echo at the described range", bin_m)
     body = speeds[np.abs(ranges - WALKER_M) < 2 * bin_m]
-    for limb, speed, ours in (("receding", WALKER_MPS[0], body.max()), ("approaching", WALKER_MPS[1], body.min())):
+    for limb, speed, processed_mps in (("receding", WALKER_MPS[0], body.max()), ("approaching", WALKER_MPS[1], body.min())):
         claim = "radial speed of the description, within a Doppler bin"
-        yield Compared(f"walker, {limb}: speed error (m/s)", "processing", exact(abs(float(ours) - speed), 1), claim, WALK_DOPPLER_BIN_MPS)
+        yield Compared(
+            f"walker, {limb}: speed error (m/s)", "processing", exact(abs(float(processed_mps) - speed), 1), claim, WALK_DOPPLER_BIN_MPS
+        )
 
 
 def _peaks(ranges_m: np.ndarray, described_m: Sequence[float], bin_m: float, where: str, note: str = "") -> Compared:
     """Return the largest distance from a described peak to the nearest detected peak, with a note."""
     off = np.abs(np.array(described_m)[:, None] - ranges_m).min(axis=1)
-    missed = ", ".join(f"{at:g}" for at, one in zip(described_m, off, strict=True) if one > bin_m)
+    missed = ", ".join(f"{at:g}" for at, error_m in zip(described_m, off, strict=True) if error_m > bin_m)
     note = f"no peak within a range bin of {missed} m" if missed else note
     claim = "every described peak is found within a range bin"
     return Compared(f"{where}: largest range error (m)", "processing", exact(float(off.max()), len(off)), claim, bin_m, note)
@@ -276,8 +278,8 @@ def compare_scan(config: Config) -> Iterator[Compared]:
     yield Compared("scale error (1)", "frames to mesh", exact(scale, count), "the scale of both meshes agrees within 1 %", SCALE_LIMIT)
     with tempfile.TemporaryDirectory() as folder:
         scene = reconstruct(CHAIR / "export.obj", folder, material="concrete")
-    found = exact(1e3 * float(np.median(_distances(vendor, [surface.mesh for surface in scene]))), count)
-    yield Compared("vendor's mesh to surfaces of the scene: median (mm)", "mesh to scene", found, claim, limit)
+    estimate = exact(1e3 * float(np.median(_distances(vendor, [surface.mesh for surface in scene]))), count)
+    yield Compared("vendor's mesh to surfaces of the scene: median (mm)", "mesh to scene", estimate, claim, limit)
 
 
 def _distances(mesh: trimesh.Trimesh, others: Sequence[trimesh.Trimesh]) -> np.ndarray:
@@ -297,9 +299,9 @@ def fitted_scale(mesh: trimesh.Trimesh, other: trimesh.Trimesh) -> float:
     centre = points.mean(axis=0)
     for _ in range(ROUNDS):
         distance, face = near(points)
-        used = distance < NEAR_M
-        normal, local = np.asarray(other.face_normals)[face[used]], points[used] - centre
-        away = ((other.triangles[face[used], 0] - points[used]) * normal).sum(axis=1)
+        kept = distance < NEAR_M
+        normal, local = np.asarray(other.face_normals)[face[kept]], points[kept] - centre
+        away = ((other.triangles[face[kept], 0] - points[kept]) * normal).sum(axis=1)
         system = np.column_stack([np.cross(local, normal), normal, (local * normal).sum(axis=1)])
         step = np.linalg.lstsq(system, away, rcond=None)[0]
         points = centre + (1 + step[6]) * Rotation.from_rotvec(step[:3]).apply(points - centre) + step[3:6]
@@ -321,10 +323,10 @@ def _dihedral_figure() -> Figure:
     drawing, axes = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=2.6)
     for method, colour in zip(METHODS, PALETTE, strict=False):
         offset = np.mean([measured[side] - dihedral_levels(side, method) for side in SIDES_M])
-        for one, side in zip(axes, SIDES_M, strict=True):
-            one.plot(aspects, dihedral_levels(side, method) + offset, color=colour, lw=1, label=method)
-    for one, side in zip(axes, SIDES_M, strict=True):
-        one.plot(aspects, measured[side], "k.", ms=4, label="measured")
-        one.set(title=f"dihedral, {100 * side:.0f} cm, 0.9 m", xlabel="aspect (deg)", ylabel="level (dB)")
+        for panel, side in zip(axes, SIDES_M, strict=True):
+            panel.plot(aspects, dihedral_levels(side, method) + offset, color=colour, lw=1, label=method)
+    for panel, side in zip(axes, SIDES_M, strict=True):
+        panel.plot(aspects, measured[side], "k.", ms=4, label="measured")
+        panel.set(title=f"dihedral, {100 * side:.0f} cm, 0.9 m", xlabel="aspect (deg)", ylabel="level (dB)")
     axes[0].legend(loc="lower center")
     return drawing

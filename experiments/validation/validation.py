@@ -55,9 +55,9 @@ NOT_FINITE = 1e9  # shown for an error that is not finite, because a case that f
 def run(config: Config, store: Store, progress: Progress) -> Result:
     """Compute every validation case of the profile and return the rows in the order of the validation table."""
     full = config.profile.name != "quick"
-    chosen = [(case, full) for case in CASES if full or case.cost == "quick"]
-    with progress.task("validation cases", len(chosen)) as done:
-        rows = workers.each(row, chosen, config.jobs, done)
+    cases = [(case, full) for case in CASES if full or case.cost == "quick"]
+    with progress.task("validation cases", len(cases)) as done:
+        rows = workers.each(row, cases, config.jobs, done)
     count = Counter(row["verdict"] or "absent" for row in rows)
     metrics = {f"cases_{word}": float(count[word]) for word in (claims.HOLDS, claims.MISSES, "absent")}
     metrics |= {f"share_of_limit_{r['case']}": r["error"] / r["limit"] for r in rows if r["verdict"] == claims.MISSES}
@@ -76,15 +76,15 @@ def row(case: Case, full: bool) -> dict[str, Any]:
     the reason.
     """
     started = time.perf_counter()
-    oracle, reference, ours, error, seconds, estimate = case.oracle, None, None, None, None, exact(math.nan, 0)
+    oracle, reference, simulated, error, seconds, estimate = case.oracle, None, None, None, None, exact(math.nan, 0)
     try:
-        found = case.compare(full)
-        reference, ours, error = found.reference, found.ours, found.error if math.isfinite(found.error) else NOT_FINITE
-        seconds, estimate = round(time.perf_counter() - started, 2), Estimate(error, -math.inf, math.inf, found.n)  # without an interval
+        finding = case.compare(full)
+        reference, simulated, error = finding.reference, finding.simulated, finding.error if math.isfinite(finding.error) else NOT_FINITE
+        seconds, estimate = round(time.perf_counter() - started, 2), Estimate(error, -math.inf, math.inf, finding.n)  # without an interval
     except Untestable as reason:
         oracle = f"absent: {reason}"
     return {
-        "subject": case.subject, "case": case.name, "claim": case.claim, "oracle": oracle, "reference": reference, "ours": ours,
+        "subject": case.subject, "case": case.name, "claim": case.claim, "oracle": oracle, "reference": reference, "ours": simulated,
         "error": error, "limit": case.limit, "unit": case.unit or "-",
         **claims.score_columns(case.metric, estimate, DOMAIN, error is not None and error <= case.limit), "seconds": seconds,
     }  # fmt: skip
@@ -93,14 +93,14 @@ def row(case: Case, full: bool) -> dict[str, Any]:
 def _pattern_figure(full: bool) -> Figure:
     """Draw the cross-section of a trihedral over azimuth and of a plate over angle, together with their references."""
     azimuth = np.linspace(-30, 30, 121 if full else 31)
-    reference, ours = targets.pattern(azimuth)
+    reference, simulated = targets.pattern(azimuth)
     drawing, (left, right) = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=2.6)
     left.plot(azimuth, reference, color="0.6", lw=2.5, label="quadrature of all bounces")
-    left.plot(azimuth, ours, color=PALETTE[0], label="tubes, 4 rays")
+    left.plot(azimuth, simulated, color=PALETTE[0], label="tubes, 4 rays")
     try:
         table = [(float(r["az_deg"]), float(r["SBR_h0.1_dBsm"])) for r in reference_rows("trihedral_10cm_pattern.csv")]
-        shown = np.array([pair for pair in table if abs(pair[0]) <= 30])
-        left.plot(*shown[::4].T, ".", color=PALETTE[1], ms=3, label="reference table (prototype)")
+        within = np.array([pair for pair in table if abs(pair[0]) <= 30])
+        left.plot(*within[::4].T, ".", color=PALETTE[1], ms=3, label="reference table (prototype)")
     except Untestable:
         pass
     left.set(title="trihedral, leg 10 cm", xlabel="azimuth (deg)", ylabel="cross-section (dBsm)")
@@ -133,9 +133,9 @@ def _near_figure(full: bool) -> Figure:
     distances = np.geomspace(0.3, 10, 41 if full else 13)
     drawing, axes = figure(1, 1, width_in=COLUMN_WIDTH_IN, height_in=2.6)
     for number, (name, (_, meshes)) in enumerate(near.MESHES.items()):
-        reference, ours = near.curve(name, next(iter(meshes)), distances)
+        reference, simulated = near.curve(name, next(iter(meshes)), distances)
         axes.plot(distances, reference, color=PALETTE[number], lw=2.5, alpha=0.35)
-        axes.plot(distances, ours, "o", ms=2.5, color=PALETTE[number], label=f"{name} 10 cm")
+        axes.plot(distances, simulated, "o", ms=2.5, color=PALETTE[number], label=f"{name} 10 cm")
     axes.set(xscale="log", xlabel="distance (m)", ylabel="effective cross-section (dBsm)", title="lines: reference, dots: tubes, 4 rays")
     axes.legend(loc="lower right")
     return drawing
@@ -147,11 +147,11 @@ def _room_figure(full: bool) -> Figure:
     methods = [("tubes", 1_200_000, "tubes, 1.2M rays"), ("tubes", 2_900_000, "tubes, 2.9M rays"), ("panels", 1_200_000, "flat faces")]
     exact = np.zeros(1)
     for number, (method, rays, label) in enumerate(methods if full else methods[::2]):
-        axis, exact, ours = rooms.compared("court", "constant", method, rays).profiles()
-        shown = axis < 22
+        axis, exact, simulated = rooms.compared("court", "constant", method, rays).profiles()
+        inside = axis < 22
         if not number:
-            axes.plot(axis[shown], exact[shown], color="0.6", lw=2.5, label="128 image sources")
-        axes.plot(axis[shown], ours[shown], color=PALETTE[number], lw=0.9, label=label)
+            axes.plot(axis[inside], exact[inside], color="0.6", lw=2.5, label="128 image sources")
+        axes.plot(axis[inside], simulated[inside], color=PALETTE[number], lw=0.9, label=label)
     axes.set(xlabel="range (m)", ylabel="received / transmitted (dB)", title="squash court, |reflection| 0.4, 4 bounces")
     axes.set_ylim(top=axes.get_ylim()[1], bottom=float(exact.max()) - 70)
     axes.legend(loc="upper right")

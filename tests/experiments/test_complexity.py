@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from experiments.complexity import complexity
-from experiments.complexity.rows import AUTO, FIXED, REFLECTOR, SHIPPED, Found, chart, table
+from experiments.complexity.rows import AUTO, FIXED, REFLECTOR, SHIPPED, CaseResult, chart, table
 from experiments.speed import campaign_methods, speed_accuracy
 from radartwin.adaptive.choice import Choice, Step
 from radartwin.adaptive.model import DEFAULT, FINEST, Model
@@ -19,22 +19,24 @@ from radartwin.runs.experiment import check_rows
 CONFIG = compose(["experiment=complexity"])
 
 
-def found(asked: str, parts: str, seconds: tuple[float, float, float], shipped_error: float = 0.2, auto_error: float = 0.6) -> Found:
+def case_result(
+    asked: str, parts: str, seconds: tuple[float, float, float], shipped_error: float = 0.2, auto_error: float = 0.6
+) -> CaseResult:
     model = Model(parts, 3, True, False, 0.25, "planar")
     steps = (Step("parts", "none", 3.0, "multipath_share", False), Step("max_bounces", 3, 0.5, "entropy", True))
     errors = {AUTO: (0.5, "entropy"), FIXED: (0.1, "entropy"), SHIPPED: (shipped_error, "entropy")}
     between = {**errors, AUTO: (auto_error, "entropy")}
     models = {AUTO: model, FIXED: DEFAULT, SHIPPED: DEFAULT}
     name, took = REFLECTOR.name.removesuffix("-0"), {who: [each] for who, each in zip(models, seconds, strict=True)}
-    return Found(name, asked, Choice(model, 0.5, "entropy", steps), models, errors, between, (2.0, "brightness_db"), took, 9.0)
+    return CaseResult(name, asked, Choice(model, 0.5, "entropy", steps), models, errors, between, (2.0, "brightness_db"), took, 9.0)
 
 
-def rows(*some: Found) -> list[dict]:
-    return table(CONFIG, some, Choice(DEFAULT, 0.2, "entropy", ()))
+def rows(*results: CaseResult) -> list[dict]:
+    return table(CONFIG, results, Choice(DEFAULT, 0.2, "entropy", ()))
 
 
 def test_rows_are_valid_and_can_be_drawn() -> None:
-    made = rows(found("rotation", "none", (0.1, 0.5, 0.5)), found("multipath share", "large", (0.2, 0.5, 0.5)))
+    made = rows(case_result("rotation", "none", (0.1, 0.5, 0.5)), case_result("multipath share", "large", (0.2, 0.5, 0.5)))
     check_rows("complexity", made)
     chart(made)
 
@@ -44,25 +46,25 @@ def test_rows_are_valid_and_can_be_drawn() -> None:
 )
 def test_claims_about_the_reflector_follow_the_chosen_room(shape: str, multipath: str, verdicts: list[str]) -> None:
     cost = (0.2, 0.5, 0.5)
-    made = rows(found("rotation", shape, cost), found("shape", shape, cost), found("multipath share", multipath, cost))
+    made = rows(case_result("rotation", shape, cost), case_result("shape", shape, cost), case_result("multipath share", multipath, cost))
     assert [row["verdict"] for row in made if row["metric"].startswith("parts of the room")] == verdicts
 
 
 def test_median_saving_and_shipped_default_are_judged() -> None:
-    made = rows(*(found("rotation", "none", cost) for cost in ((1.0, 4.0, 3.9), (1.0, 5.0, 5.0), (1.0, 6.0, 6.0))))
+    made = rows(*(case_result("rotation", "none", cost) for cost in ((1.0, 4.0, 3.9), (1.0, 5.0, 5.0), (1.0, 6.0, 6.0))))
     verdict = {row["metric"]: (row["value"], row["verdict"]) for row in made}
     assert verdict["cost of the fixed default over auto's, median"] == (5.0, "holds")
     assert verdict["error of the shipped default between the frames of the choice, worst of all (limits)"] == (0.2, "holds")
     assert verdict["cost of the shipped default over the fixed one's, median"] == (1.0, "holds")
     costs = ((1.0, 2.0, 6.0), (1.0, 2.2, 7.0), (1.0, 2.4, 8.0))
-    worse = rows(*(found("rotation", "none", cost, shipped_error=1.2, auto_error=1.1) for cost in costs))
+    worse = rows(*(case_result("rotation", "none", cost, shipped_error=1.2, auto_error=1.1) for cost in costs))
     failed = {row["metric"]: row["verdict"] for row in worse if row["claim"]}
     assert failed.pop("error of the fixed default between the frames of the choice, worst of all (limits)") == "holds"
     assert set(failed.values()) == {"misses"}
 
 
 def test_examined_models_are_those_of_the_steps_of_a_choice() -> None:
-    choice = found("shape", "none", (1.0, 1.0, 1.0)).choice
+    choice = case_result("shape", "none", (1.0, 1.0, 1.0)).choice
     assert list(complexity.examined(choice)) == [replace(FINEST, parts="none"), replace(FINEST, max_bounces=3)]
 
 

@@ -36,6 +36,12 @@ class Marked(FakeCampaign):
         return Nominal(log.frame_rate_hz, np.full(len(log.distance_m), case.distance_m), log.angle_rad)
 
 
+def sources(*distances: float) -> dict[str, Marked]:
+    """Return the campaign of each side of the table."""
+    usual, uniform = (Marked(distances=distances, materials=materials) for materials in ("vlm", "uniform"))
+    return dict.fromkeys(environment.SIDES, usual) | {"uniform": uniform}
+
+
 quiet = partial(frame.read, progress=Progress(quiet=True))
 
 
@@ -45,8 +51,9 @@ def points_of(chosen: Config) -> list[Point]:
 
 
 def scored() -> Result:
-    chosen, campaign = config("environment"), Marked(distances=(0.5, 1.0, 1.5, 2.0))
-    return environment.with_points(chosen, environment.score(chosen, environment.read(chosen, campaign, quiet)), points_of(chosen))
+    chosen = config("environment")
+    frame = environment.read(chosen, sources(0.5, 1.0, 1.5, 2.0), quiet)
+    return environment.with_points(chosen, environment.score(chosen, frame), points_of(chosen))
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +93,7 @@ def test_the_labelled_room_is_the_default_and_plasterboard_is_a_second_set_of_ro
 def test_materials_void_and_uniform_leave_out_the_rows_that_they_repeat() -> None:
     for source, labels in (("void", {"void"}), ("uniform", {"void", "room (uniform)"})):
         chosen = config("environment", f"materials={source}", "experiment.distances_m=[1.0]")
-        result = environment.score(chosen, environment.read(chosen, Marked(distances=(1.0,)), quiet))
+        result = environment.score(chosen, environment.read(chosen, sources(1.0), quiet))
         assert {row["case"] for row in result.rows if row["metric"] == "profile correlation"} == labels
         assert not [row for row in result.rows if row["metric"] == COUNT]
 

@@ -46,7 +46,8 @@ class FakeSides(Sides):
     """
 
     def processed(self, domain: str, on: frozenset[str], case: Case) -> tuple[str, Processed]:
-        key, made = FakeCampaign(distances=(1.0,), frames=16).processed("twin", case, "uniform" if "geometry" in on else "true")
+        materials = "uniform" if "geometry" in on else "true"
+        key, made = FakeCampaign(distances=(1.0,), frames=16, materials=materials).processed("twin", case)
         lobes = 0.4 if domain == "measured" and "contents" in on and case.object in FILLED_ONES else 0.0
         gain = 1.2 if on & {"materials", LABELS} else 1.0
         gain *= 0.5 if domain == "measured" and "hardware" in on else 1.0

@@ -41,9 +41,9 @@ class Rail:
     def log(self, case: Case, domain: str = "measured") -> Nominal:
         return Nominal(RADAR.frame_rate_hz, range_m(case.motion, np.arange(FRAMES) / RADAR.frame_rate_hz), None)
 
-    def prepare(self, wanted, materials=None) -> None: ...
+    def prepare(self, wanted) -> None: ...
 
-    def processed(self, domain: str, case: Case, materials: Any = None) -> tuple[str, Processed]:
+    def processed(self, domain: str, case: Case) -> tuple[str, Processed]:
         clutter = [(self.clutter, 1.3)] if domain == "measured" else []
         offset = 0.02 if domain == "measured" else 0.0
         reflector = (lambda t: 1e-3 / range_m(case.motion, t) ** 2, lambda t: range_m(case.motion, t) + offset)
@@ -82,9 +82,9 @@ def test_a_constant_room_echo_shortens_the_excursion_of_the_brightest_bin() -> N
 
 def test_a_simulation_that_reads_too_far_does_not_shorten_the_measured_diagonal() -> None:
     class Long(Rail):
-        def processed(self, domain: str, case: Case, materials: Any = None) -> tuple[str, Processed]:
+        def processed(self, domain: str, case: Case) -> tuple[str, Processed]:
             if domain == "measured":
-                return super().processed(domain, case, materials)
+                return super().processed(domain, case)
             moving = echoes(FRAMES, [(1e-3, lambda t: 1 + 0.7 * t / t.max())], 1e-5, 0)
             return f"{domain}{case.motion}", process(moving, doppler=False)
 

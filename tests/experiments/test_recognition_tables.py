@@ -69,21 +69,6 @@ def drives(**changed) -> FakeCampaign:
     return FakeCampaign(**(given | changed))
 
 
-class Labelled(FakeCampaign):
-    """Drives past the objects, whose simulated room has materials of one source."""
-
-    source = ""
-
-    def processed(self, domain, case, materials=None):
-        return super().processed(domain, case, materials or self.source)
-
-
-def labelled(source: str) -> Labelled:
-    made = Labelled(objects=OBJECTS, frames=16, repetitions=2, motions=("lateral",), rooms=("squash_court",))
-    made.source = source
-    return made
-
-
 def checked(result: Result) -> Result:
     """Check the table rows of a result, draw its figures, and return the rows."""
     check_rows(result.table, result.rows)
@@ -300,7 +285,7 @@ def test_the_ablation_detects_the_benefit_of_the_room():
     recognition.
     """
     names = (reconstruction_ablation.LABELLED, reconstruction_ablation.UNIFORM, reconstruction_ablation.VOID)
-    sides = {name: labelled(source) for name, source in zip(names, ("vlm", "uniform", "void"), strict=True)}
+    sides = {name: drives(motions=("lateral",), materials=source) for name, source in zip(names, ("vlm", "uniform", "void"), strict=True)}
     result = checked(reconstruction_ablation.score(config("reconstruction_ablation"), sides_of(sides, "lateral"), Progress()))
     method = f"{reconstruction_ablation.LABELLED} - {reconstruction_ablation.UNIFORM}"
     assert find(result, classes="object", method=method, metric="gain in accuracy")["value"] > 0
@@ -315,7 +300,9 @@ def test_the_ablation_detects_the_benefit_of_the_room():
 @pytest.mark.parametrize(("profile", "shares"), [("quick", 1), ("paper", 3)])
 def test_material_errors_are_zero_with_true_materials(profile: str, shares: int):
     chosen = config("material_errors", f"profile.name={profile}")
-    sides = {name: labelled(materials.source) for name, (_, materials) in material_errors.sources(chosen).items()}
+    sides = {
+        name: drives(motions=("lateral",), materials=materials.source) for name, (_, materials) in material_errors.sources(chosen).items()
+    }
     result = checked(material_errors.score(chosen, sides_of(sides, "lateral"), Progress()))
     errors = [one["value"] for one in result.rows if one["metric"].startswith("level error")]
     assert errors[0] == 0
@@ -433,7 +420,7 @@ def test_no_reported_recording_was_among_those_of_the_selection():
 def test_the_recorded_choices_follow_from_the_scores():
     selection = json.loads(choices.OUTPUT.read_text())["selection"]
     share = choices.chosen_share(selection["scores"])
-    assert selection["chosen"] == choices.chosen(selection["scores"]) | {"labelled share": share}
+    assert selection["chosen"] == choices.selected(selection["scores"]) | {"labelled share": share}
     assert share == encoder_comparison.LABELLED_SHARE
     assert selection["chosen"]["copies"] == randomisation_ablation.ALL  # the default of supervision.randomise
     assert {row["method"] for row in selection["scores"] if "method" in row} == {*encoder_comparison.METHODS, encoder_comparison.RAW}

@@ -140,8 +140,8 @@ def test_recognition_states_the_claims_as_they_are_registered() -> None:
 
     share, gain = joined(objects, answered=False)
     (permuted,) = joined(np.array(["x", "x", "y", "y"]), answered=True)
-    assert (permuted.found.test, permuted.found.unit) == headline.ON_OBJECTS
-    assert (share.found.test, share.found.unit) == (gain.found.test, gain.found.unit) == headline.Headline("", "", "", "").test
+    assert (permuted.estimate.test, permuted.estimate.unit) == headline.ON_OBJECTS
+    assert (share.estimate.test, share.estimate.unit) == (gain.estimate.test, gain.estimate.unit) == headline.Headline("", "", "", "").test
     _same_rule(gain, REGISTERED["training on simulation beats raw features (other recordings)"])
 
 

@@ -14,7 +14,7 @@ import pytest
 
 from analysis.pages import choosing
 from experiments.speed import chart, chart_page, measuring, methods, problems, speed_accuracy
-from experiments.speed.methods import DEFAULT, OURS, POINTS, RFGENESIS, Method, ours
+from experiments.speed.methods import DEFAULT, OURS, POINTS, RFGENESIS, Method, tracer
 from experiments.stability.sweeps import SWEEPS
 from experiments.validation.oracles import fullwave, furnished_motions, traced
 from experiments.validation.oracles.point_source import cylinder_echo, sphere_echo
@@ -159,7 +159,7 @@ def test_default_is_accurate_on_canonical_targets_and_peers_are_not() -> None:
         pairs = [(method.iq(part, 1, part.radar), problem.reference(part)) for part in problem.parts]
         return signal_error.compare(pairs, problem.parts[0].radar)
 
-    mine = error(ours(DEFAULT))
+    mine = error(tracer(DEFAULT))
     assert mine.signal < 0.03
     assert mine.profile_db < 0.4
     for peer in (Method(POINTS, "table", "points"), Method(RFGENESIS, "shipped", "rfgenesis")):
@@ -200,7 +200,7 @@ def test_full_wave_radar_samples_the_stored_frequencies() -> None:
 def test_measuring_returns_time_and_rays_of_each_method() -> None:
     problem = problems.canonical(3, 1)  # flat targets need no rays, the sphere and the cylinder do
     published = Method(RFGENESIS, "as published", "rfgenesis", (("version", "shipped"), ("grid", 16)), published=True)
-    rows = measuring.measure(problem, [ours(DEFAULT), Method(POINTS, "table", "points"), published], 1, 0.01, 5.0, lambda line: None)
+    rows = measuring.measure(problem, [tracer(DEFAULT), Method(POINTS, "table", "points"), published], 1, 0.01, 5.0, lambda line: None)
     assert [row["family"] for row in rows] == [OURS, POINTS, RFGENESIS]
     assert all(min(row["seconds"]) > 0 and row["wall_s_frame"] > 0 for row in rows)
     assert rows[0]["rays"] > 100

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.speed.methods import OURS, Method, ours
+from experiments.speed.methods import OURS, Method, tracer
 from experiments.stability import stability, sweeps
 from experiments.stability.sweeps import METHODS, SWEEPS, Sweep
 from experiments.validation.oracles import fullwave, furnished_sweeps, moments_2d
@@ -24,7 +24,7 @@ PEER = Method("points", "table", "points")
 def rows(mine: list[float], theirs: list[float]) -> list[dict]:
     values = tuple(float(10 * (i + 1)) for i in range(len(mine)))
     sweep = Sweep("made up", "a made-up sweep", "m", "physical", values, lambda method, value: 0.0, "because")
-    found = stability.sweep_rows(sweep, [(ours("default"), mine), (PEER, theirs)])
+    found = stability.sweep_rows(sweep, [(tracer("default"), mine), (PEER, theirs)])
     check_rows("stability", found)
     return found
 
@@ -99,7 +99,7 @@ def test_every_sweep_has_a_unique_name_a_kind_and_a_reason() -> None:
     assert all(sweep.why and sweep.kind in ("physical", "numerical", "a setting", "knowledge") for sweep in SWEEPS)
     assert len({sweep.name for sweep in SWEEPS}) == len(SWEEPS)
     assert METHODS[0].family == OURS
-    assert METHODS[0] == replace(ours("default"))
+    assert METHODS[0] == replace(tracer("default"))
 
 
 def test_full_wave_scenes_of_the_sweeps_are_stored() -> None:

@@ -110,7 +110,7 @@ def test_reference_is_scored_by_its_matched_paths() -> None:
     assert scored.length_mm == pytest.approx([0.2, 0.0])
     assert scored.level_db == pytest.approx([6.02], abs=0.01)
     assert scored.cut_level_db == pytest.approx([0.0])
-    assert scored.ours_matched.tolist() == [True, True]
+    assert scored.simulated_matched.tolist() == [True, True]
 
 
 # least shares where the limit of the table, 0.95, is missed

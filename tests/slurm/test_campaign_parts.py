@@ -40,8 +40,8 @@ twin.record = lambda case, nominal, config, *more: record(case, config, "twin")
 def run(config, store, progress):
     make = part.Campaign.process
 
-    def process(self, domain, case, materials=None):
-        made = make(self, domain, case, materials)
+    def process(self, domain, case):
+        made = make(self, domain, case)
         while (HERE / f"HOLD_{config.experiment.part}").exists():
             time.sleep(0.05)
         return made

@@ -77,8 +77,8 @@ def orders(direction: np.ndarray, walls: list[tuple[int, float]], sensor_m: np.n
     first = np.eye(3)[np.argmin(np.abs(direction))]
     u = np.cross(direction, first)
     u /= np.linalg.norm(u)
-    turn = 2 * np.pi * (np.arange(TURNS) + 0.37) / TURNS
-    around = direction + ASIDE * (np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * np.cross(direction, u))
+    angle = 2 * np.pi * (np.arange(TURNS) + 0.37) / TURNS
+    around = direction + ASIDE * (np.cos(angle)[:, None] * u + np.sin(angle)[:, None] * np.cross(direction, u))
     reached = np.stack([(coordinate - sensor_m[axis]) / around[:, axis] for axis, coordinate in walls], axis=1)
     orders, counts = np.unique(np.argsort(reached, axis=1, kind="stable"), axis=0, return_counts=True)
     for order, count in zip(orders, counts, strict=True):

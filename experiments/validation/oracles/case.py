@@ -25,7 +25,7 @@ class Finding:
 
     # Reference and our value where they differ most, in the unit of the case; NaN if the claim is about many values at once.
     reference: float
-    ours: float
+    simulated: float
     error: float  # error that is compared with the limit, never negative
     n: int = 1  # number of comparisons
 
@@ -56,8 +56,8 @@ def db(power: Any) -> Any:
 
 def worst(pairs: Sequence[tuple[float, float]]) -> Finding:
     """Return the finding of the (reference, RadarTwin) pair with the largest difference."""
-    reference, ours = max(pairs, key=lambda pair: abs(pair[1] - pair[0]))
-    return Finding(reference, ours, abs(ours - reference), len(pairs))
+    reference, simulated = max(pairs, key=lambda pair: abs(pair[1] - pair[0]))
+    return Finding(reference, simulated, abs(simulated - reference), len(pairs))
 
 
 def rms(differences: Sequence[float] | np.ndarray) -> Finding:

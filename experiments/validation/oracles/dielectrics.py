@@ -61,8 +61,8 @@ def _slabs(full: bool) -> Finding:
     for frequency in np.linspace(*SWEEP_HZ, 5) if full else (77e9,):
         for layers, backing in SLABS.values():
             exact = 20 * np.log10(abs(stack.stack(layers, backing, 0.0, frequency)[0] / stack.fresnel(_metal(frequency), 1.0)[0]))
-            ours = _over_metal(objects.plate(0.1, 0.1), Layered(layers, backing), frequency=float(frequency))
-            pairs.append((float(exact), ours))
+            simulated = _over_metal(objects.plate(0.1, 0.1), Layered(layers, backing), frequency=float(frequency))
+            pairs.append((float(exact), simulated))
     return worst(pairs)
 
 

@@ -48,10 +48,10 @@ def _swapped(full: bool) -> Finding:
     meshes = [objects.plate(0.1, 0.1), objects.sphere(0.033), objects.cylinder(0.033, 0.12)]
     pairs = []
     for distance in (0.5, 1.0, 2.0) if full else (1.0,):
-        one = np.tile([distance, 0.0, 0.02], (2, 1))
-        other = one + np.array([[0.0, 0.01, 0.0], [0.0, 0.05, 0.01]])
+        transmitter = np.tile([distance, 0.0, 0.02], (2, 1))
+        receiver = transmitter + np.array([[0.0, 0.01, 0.0], [0.0, 0.05, 0.01]])
         for mesh in meshes:
-            there, back = bistatic(mesh, one, other), bistatic(mesh, other, one)
+            there, back = bistatic(mesh, transmitter, receiver), bistatic(mesh, receiver, transmitter)
             pairs += list(zip(20 * np.log10(np.abs(there)), 20 * np.log10(np.abs(back)), strict=True))
     return worst([(float(a), float(b)) for a, b in pairs])
 
@@ -61,21 +61,21 @@ def _swapped_images(full: bool) -> Finding:
     pairs = []
     for room in ROOMS if full else ("office",):
         _, size, sensor = ROOMS[room]
-        chosen = traced.settings("panels", max_bounces=4)
-        for paths in traced.trace(room_scene(size, "concrete"), traced.MONOSTATIC, traced.pose(sensor, rotation()), chosen):
+        settings = traced.settings("panels", max_bounces=4)
+        for paths in traced.trace(room_scene(size, "concrete"), traced.MONOSTATIC, traced.pose(sensor, rotation()), settings):
             keys = np.column_stack([paths.departure, paths.arrival, paths.length_m])
             # paths that hit the walls of a corner in another order have equal directions and length, so their sum counts as one path
             near = KDTree(keys).query_pairs(1e-6, output_type="ndarray")
             links = coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(keys), len(keys)))
             _, group = connected_components(links, directed=False)
-            found = keys[np.unique(group, return_index=True)[1]]
-            total = np.zeros(len(found), complex)
+            distinct = keys[np.unique(group, return_index=True)[1]]
+            total = np.zeros(len(distinct), complex)
             np.add.at(total, group, paths.amplitude[:, 0])
-            apart, partner = KDTree(found).query(found[:, [3, 4, 5, 0, 1, 2, 6]])
+            apart, partner = KDTree(distinct).query(distinct[:, [3, 4, 5, 0, 1, 2, 6]])
             level = np.abs(total)
             strong = level > 0.01 * level.max()
             if apart[strong].max(initial=0.0) > 1e-6:
-                return Finding(float("nan"), float("nan"), float("inf"), len(found))
+                return Finding(float("nan"), float("nan"), float("inf"), len(distinct))
             pairs += list(zip(20 * np.log10(level[strong]), 20 * np.log10(level[partner][strong]), strict=True))
     return worst([(float(a), float(b)) for a, b in pairs])
 
@@ -101,8 +101,8 @@ def _scattered(corner: bool, full: bool) -> Finding:
     source = np.array([1.0, 0.04, 0.03])
     count = 12_000 if full else 2500
     place = np.arange(count) + 0.5
-    height, turn = 1 - 2 * place / count, np.pi * (1 + 5**0.5) * place
-    away = np.stack([np.sqrt(1 - height**2) * np.cos(turn), np.sqrt(1 - height**2) * np.sin(turn), height], axis=1)
+    height, azimuth = 1 - 2 * place / count, np.pi * (1 + 5**0.5) * place
+    away = np.stack([np.sqrt(1 - height**2) * np.cos(azimuth), np.sqrt(1 - height**2) * np.sin(azimuth), height], axis=1)
     radius = 30.0
     levels = []
     smooth = [(objects.plate(0.02, 0.02), 1), (objects.sphere(0.01, 3), 1)]
@@ -135,8 +135,8 @@ def _diffuse(full: bool) -> Finding:
         powers = []
         for seed in range(64 if full else 16):
             scatterers = diffuse.cloud([surface], built, 4000, seed)
-            found = diffuse.paths(scatterers, strength, built, radar, traced.pose([distance, 0.1, 0.2])[None])
-            powers.append(float((np.abs(found.amplitude) ** 2).sum()))
+            paths = diffuse.paths(scatterers, strength, built, radar, traced.pose([distance, 0.1, 0.2])[None])
+            powers.append(float((np.abs(paths.amplitude) ** 2).sum()))
         reference = rough_wall_power(corners, np.array([distance, 0.1, 0.2]), roughness, wavelength)
         pairs.append((float(10 * np.log10(reference)), float(10 * np.log10(np.mean(powers)))))
     return worst(pairs)

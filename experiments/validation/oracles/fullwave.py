@@ -37,21 +37,21 @@ class Compared:
 
     range_m: np.ndarray
     truth: np.ndarray
-    ours: np.ndarray
+    simulated: np.ndarray
 
     @property
     def profile_db(self) -> float:
         """Return the rms difference in dB of the two profiles within DYNAMIC_DB of the strongest bin."""
         strong = np.abs(self.truth) > np.abs(self.truth).max() * 10 ** (-DYNAMIC_DB / 20)
-        ours = np.maximum(np.abs(self.ours[strong]), NOTHING * np.abs(self.truth).max())
-        difference_db = 20 * np.log10(ours / np.abs(self.truth[strong]))
+        simulated = np.maximum(np.abs(self.simulated[strong]), NOTHING * np.abs(self.truth).max())
+        difference_db = 20 * np.log10(simulated / np.abs(self.truth[strong]))
         return float(np.sqrt(np.mean(difference_db**2)))
 
     @property
     def error(self) -> float:
         """Return the complex error relative to the full-wave profile, after one common phase is fitted."""
-        common = np.vdot(self.ours, self.truth)
-        return float(np.linalg.norm(self.ours * common / abs(common) - self.truth) / np.linalg.norm(self.truth))
+        common = np.vdot(self.simulated, self.truth)
+        return float(np.linalg.norm(self.simulated * common / abs(common) - self.truth) / np.linalg.norm(self.truth))
 
 
 def strips(folder: Path, name: str) -> dict[str, np.ndarray]:
@@ -87,9 +87,9 @@ def compare(folder: Path, name: str, samples: np.ndarray) -> Compared:
     frequency, truth = field(folder, name)
     window = np.hanning(len(frequency) + 1)[:-1]
     ranges = np.arange(BINS) * SPEED_OF_LIGHT / (2 * (frequency[1] - frequency[0]) * BINS)
-    used = (ranges > NEAR_M) & (ranges < FAR_M)
-    profiles = (np.fft.fft(signal * window, BINS)[used] for signal in (to_points(frequency, truth), samples[::EVERY]))
-    return Compared(ranges[used], *profiles)
+    kept = (ranges > NEAR_M) & (ranges < FAR_M)
+    profiles = (np.fft.fft(signal * window, BINS)[kept] for signal in (to_points(frequency, truth), samples[::EVERY]))
+    return Compared(ranges[kept], *profiles)
 
 
 def score(folder: Path, name: str, samples: np.ndarray) -> tuple[float, float]:

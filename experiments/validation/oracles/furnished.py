@@ -179,7 +179,7 @@ def frequencies() -> np.ndarray:
 
 
 def write(
-    folder: Path, scenes: Mapping[str, Mapping[str, Strips]], chosen: list[str], notes: Mapping[str, object], ends_m: np.ndarray
+    folder: Path, scenes: Mapping[str, Mapping[str, Strips]], selected: list[str], notes: Mapping[str, object], ends_m: np.ndarray
 ) -> None:
     """Write scenes.json of all scenes, and solve the chosen scenes and write their fields.
 
@@ -193,16 +193,16 @@ def write(
     at = frequencies()
     folder.mkdir(parents=True, exist_ok=True)
     head = {"transmitter_m": ends_m[0].tolist(), "receiver_m": ends_m[1].tolist(), **notes}
-    described = {one: {part: strips.tolist() for part, strips in surfaces.items()} for one, surfaces in scenes.items()}
-    lines = ",\n".join(f"{json.dumps(one)}: {json.dumps(surfaces)}" for one, surfaces in described.items())
+    described = {scene_name: {part: strips.tolist() for part, strips in surfaces.items()} for scene_name, surfaces in scenes.items()}
+    lines = ",\n".join(f"{json.dumps(scene_name)}: {json.dumps(surfaces)}" for scene_name, surfaces in described.items())
     write_atomically(folder / "scenes.json", json.dumps(head)[:-1] + ', "scenes": {\n' + lines + "\n}}\n")
-    for one in chosen:
+    for scene_name in selected:
         started = time.perf_counter()
-        nodes = moments_2d.nodes(scenes[one].values(), at[-1])
+        nodes = moments_2d.nodes(scenes[scene_name].values(), at[-1])
         field = moments_2d.sweep(nodes, at, *ends_m)
         rows = [f"{f:.0f},{v.real:.6e},{v.imag:.6e}" for f, v in zip(at, field, strict=True)]
-        write_atomically(folder / f"{one}.csv", "\n".join(["frequency_hz,real,imag", *rows]) + "\n")
-        print(f"{one}: {len(nodes)} nodes, {time.perf_counter() - started:.0f} s", flush=True)
+        write_atomically(folder / f"{scene_name}.csv", "\n".join(["frequency_hz,real,imag", *rows]) + "\n")
+        print(f"{scene_name}: {len(nodes)} nodes, {time.perf_counter() - started:.0f} s", flush=True)
 
 
 def main() -> None:
@@ -210,13 +210,13 @@ def main() -> None:
     names = {name(seed): seed for seed in SEEDS}
     parser = argparse.ArgumentParser(description="Solve furnished metal rooms by the method of moments.")
     parser.add_argument("names", nargs="*", help="rooms to solve; all if none is named")
-    chosen = parser.parse_args().names or list(names)
-    if unknown := set(chosen) - set(names):
+    selected = parser.parse_args().names or list(names)
+    if unknown := set(selected) - set(names):
         parser.error(f"no room is named {', '.join(sorted(unknown))}; the rooms are {', '.join(names)}")
     sensor = radar()
     ends_m = np.round([sensor.tx_positions[0, :2], sensor.rx_positions[0, :2]], 8)
     notes = {"seed": names, "nodes_per_wavelength": moments_2d.PER_WAVELENGTH}
-    write(ROOMS, {one: room(seed) for one, seed in names.items()}, chosen, notes, ends_m)
+    write(ROOMS, {room_name: room(seed) for room_name, seed in names.items()}, selected, notes, ends_m)
 
 
 if __name__ == "__main__":

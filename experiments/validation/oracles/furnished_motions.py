@@ -44,13 +44,13 @@ def name(recording: str, frame: int) -> str:
 
 def scenes() -> dict[str, dict[str, Strips]]:
     """Return the surfaces of every frame in the sensor frame."""
-    found = {}
+    by_name = {}
     for room in DRIVEN:
         for frame, pose in enumerate(drive(FRAMES)):
-            found[name(room, frame)] = {part: strips - pose[:2, 3] for part, strips in fullwave.strips(ROOMS, room).items()}
+            by_name[name(room, frame)] = {part: strips - pose[:2, 3] for part, strips in fullwave.strips(ROOMS, room).items()}
     for frame, pose in enumerate(turning(FRAMES)):
-        found[name("box", frame)] = walls() | {"box": box(*BOX_M) @ pose[:2, :2].T + pose[:2, 3]}
-    return found
+        by_name[name("box", frame)] = walls() | {"box": box(*BOX_M) @ pose[:2, :2].T + pose[:2, 3]}
+    return by_name
 
 
 if __name__ == "__main__":

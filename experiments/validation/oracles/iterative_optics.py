@@ -104,7 +104,7 @@ def _induce(source: tuple, face: tuple, current: dict, cells: np.ndarray, slopes
     """
     (x,) = set(source) & set(face)
     (y,), (z,) = set(source) - {x}, set(face) - {x}
-    j_x, j_y = ((one if source[0] == x else one.swapaxes(0, 1)) for one in (current[x, *source], current[y, *source]))
+    j_x, j_y = ((component if source[0] == x else component.swapaxes(0, 1)) for component in (current[x, *source], current[y, *source]))
     turning = cells[:, None, None] * j_y - cells[:, None] * j_x
     spectrum = scipy.fft.fft(np.concatenate([j_y, turning], axis=2).astype(np.complex64), 2 * len(cells), axis=0)
     first, second = np.split(np.asarray(scipy.fft.ifft(slopes @ spectrum, axis=0))[: len(cells)], 2, axis=2)

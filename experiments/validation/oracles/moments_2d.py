@@ -150,10 +150,10 @@ def strip(ends: np.ndarray, spacing_m: float, resistive: bool = False) -> Nodes:
     t = np.arange(n) + 0.5
 
     def place(t: np.ndarray) -> np.ndarray:
-        def one(u: np.ndarray) -> np.ndarray:
+        def rounded(u: np.ndarray) -> np.ndarray:
             return ROUNDING * np.logaddexp(u / ROUNDING, -u / ROUNDING)
 
-        return one(t) - one(n - t) - t
+        return rounded(t) - rounded(n - t) - t
 
     first, last = place(np.array([0.0, n]))
     rate = np.tanh(t / ROUNDING) + np.tanh((n - t) / ROUNDING) - 1
@@ -227,6 +227,6 @@ def _matrix(at: Nodes, k: float, precision: type) -> np.ndarray:
     for column, correction in zip(at.beside.T, CORRECTIONS[[1, 2, 1, 2]], strict=True):
         away = k * np.linalg.norm(at.point[column] - at.point, axis=1)
         np.add.at(matrix, (row, column), (-correction / (2 * np.pi) * j0(away) * at.weight[column]).astype(precision))
-    own = 0.25j - (np.log(k * at.weight / (4 * np.pi)) + EULER + CORRECTIONS[0]) / (2 * np.pi)
-    matrix[row, row] += (own * at.weight - np.where(at.resistive, 0.5 / (1j * k), 0)).astype(precision)
+    self_term = 0.25j - (np.log(k * at.weight / (4 * np.pi)) + EULER + CORRECTIONS[0]) / (2 * np.pi)
+    matrix[row, row] += (self_term * at.weight - np.where(at.resistive, 0.5 / (1j * k), 0)).astype(precision)
     return matrix

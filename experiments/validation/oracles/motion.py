@@ -46,12 +46,12 @@ def _doppler(full: bool) -> Finding:
             if moving == "target":
                 iq = _seen(2 * way + along)[1]
             else:
-                iq = _seen(np.repeat(2 * way[None], 3, axis=0), np.array([traced.pose(-one) for one in along]))[1]
+                iq = _seen(np.repeat(2 * way[None], 3, axis=0), np.array([traced.pose(-shift) for shift in along]))[1]
             phase = np.unwrap(np.angle(_matched(iq[:, 0, 0], 2 - RADIUS_M + speed / RADAR.frame_rate_hz)))
             slope = np.polyfit(RADAR.chirp_times()[:, 0], phase, 1)[0]
             findings.append((speed, slope * SPEED_OF_LIGHT / (4 * np.pi * _middle_hz())))
-    reference, ours = max(findings, key=lambda pair: abs(pair[1] / pair[0] - 1))
-    return Finding(reference, ours, 100 * abs(ours / reference - 1), len(findings))
+    reference, simulated = max(findings, key=lambda pair: abs(pair[1] / pair[0] - 1))
+    return Finding(reference, simulated, 100 * abs(simulated / reference - 1), len(findings))
 
 
 def _azimuth(full: bool) -> Finding:
@@ -69,8 +69,8 @@ def _azimuth(full: bool) -> Finding:
             iq = _seen(way * (distance + speed / RADAR.frame_rate_hz * np.arange(3)[:, None]))[1]
             frequency = _middle_hz()
             signal = _matched(iq, distance - RADIUS_M + speed / RADAR.frame_rate_hz)
-            turn = 4 * np.pi * frequency / SPEED_OF_LIGHT * speed * (RADAR.chirp_times() - RADAR.chirp_times()[0, 0])
-            channels = (signal * np.exp(-1j * turn)[:, :, None]).mean(axis=0).ravel()
+            phase = 4 * np.pi * frequency / SPEED_OF_LIGHT * speed * (RADAR.chirp_times() - RADAR.chirp_times()[0, 0])
+            channels = (signal * np.exp(-1j * phase)[:, :, None]).mean(axis=0).ravel()
             trial = np.radians(np.linspace(azimuth - 5, azimuth + 5, 2001))
             ways = np.stack([np.cos(trial), np.sin(trial), 0 * trial], axis=1)
             beam = np.abs(np.exp(2j * np.pi * frequency / SPEED_OF_LIGHT * ways @ virtual.T) @ channels)
@@ -102,7 +102,7 @@ def _friis(full: bool) -> Finding:
     for distance in (0.5, 1.0, 2.0, 4.0, 8.0) if full else (1.0, 4.0):
         iq = _seen(np.array([[distance, 0.0, 0.0]]))[0, 0, 0, 0]
         wavelength = SPEED_OF_LIGHT / traced.frequencies(RADAR)
-        section = np.mean([mie_rcs(RADIUS_M, float(one)) for one in wavelength[::8]])
+        section = np.mean([mie_rcs(RADIUS_M, float(sampled_m)) for sampled_m in wavelength[::8]])
         scaled = np.sqrt(section) * wavelength / (4 * np.pi) ** 1.5 / (distance * (distance - RADIUS_M))
         pairs.append((10 * np.log10(np.mean(scaled**2)), 10 * np.log10(np.mean(np.abs(iq) ** 2))))
     return worst(pairs)

@@ -36,15 +36,15 @@ MESHES = {
 def curve(name: str, size_m: float, distances_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the effective cross-sections in dBsm at each distance, as (reference, values of the ray tracer)."""
     mesh = MESHES[name][1][size_m]
-    ours = [level(mesh, AHEAD, DENSITY, distance=float(d)) for d in distances_m]
-    return effective(corner_echoes(name, size_m, distances_m[:, None] * AHEAD, WAVELENGTH_M), distances_m), np.array(ours)
+    simulated = [level(mesh, AHEAD, DENSITY, distance=float(d)) for d in distances_m]
+    return effective(corner_echoes(name, size_m, distances_m[:, None] * AHEAD, WAVELENGTH_M), distances_m), np.array(simulated)
 
 
 def _near(name: str, full: bool) -> Finding:
     pairs = []
     for size in list(MESHES[name][1])[: 3 if full else 1]:
-        reference, ours = curve(name, size, np.array(DISTANCES_M))
-        pairs += list(zip(reference.tolist(), ours.tolist(), strict=True))
+        reference, simulated = curve(name, size, np.array(DISTANCES_M))
+        pairs += list(zip(reference.tolist(), simulated.tolist(), strict=True))
     return worst(pairs)
 
 
@@ -78,8 +78,8 @@ def _friis(method: str, full: bool) -> Finding:
         scene = rt.Scene([rt.Surface(objects.plate(12.0, 12.0), "metal", "wall")])
         sensor = np.array([distance, 0.13, -0.21])
         frequency = traced.MONOSTATIC.center_frequency_hz
-        ours = traced.field(traced.trace(scene, traced.MONOSTATIC, traced.pose(sensor), traced.settings(method)), frequency)
-        pairs.append((20 * np.log10(SPEED_OF_LIGHT / frequency / (8 * np.pi * distance)), 20 * np.log10(abs(ours))))
+        simulated = traced.field(traced.trace(scene, traced.MONOSTATIC, traced.pose(sensor), traced.settings(method)), frequency)
+        pairs.append((20 * np.log10(SPEED_OF_LIGHT / frequency / (8 * np.pi * distance)), 20 * np.log10(abs(simulated))))
     return worst(pairs)
 
 
@@ -87,15 +87,15 @@ def panel_positions(full: bool) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return (corners, sensor) of panels of 0.1 to 1 m seen from 0.5 to 4 m. The sensor lies between the panel's middle and one width
     beyond the panel's edge.
     """
-    chosen = []
+    positions = []
     for width in (0.1, 0.3, 1.0):
         half = width / 2
         corners = np.array([[0, -half, -half], [0, half, -half], [0, half, half], [0, -half, half]])
         for distance in (0.5, 1.0, 2.0, 4.0) if full else (0.5, 2.0) if width < 0.5 else (2.0,):
             for beyond in (0.0, 0.25, 0.5, 0.75, 1.0, 1.5) if full else (0.0, 0.5, 1.5):
                 for up in (0.03, 0.4) if full else (0.03,):
-                    chosen.append((corners, np.array([distance, beyond * width, up * width])))
-    return chosen
+                    positions.append((corners, np.array([distance, beyond * width, up * width])))
+    return positions
 
 
 @cache
@@ -112,10 +112,10 @@ def panel_errors(method: str, full: bool) -> np.ndarray:
     errors = []
     for (corners, sensor), exact in zip(panel_positions(full), exact_panels(full), strict=True):
         scene = rt.Scene([rt.Surface(traced.polygon(corners), "metal", "panel", role="object" if method == "tubes" else "room")])
-        chosen = traced.settings(method, rays_per_wavelength2=4.0)
-        ours = traced.field(traced.trace(scene, traced.MONOSTATIC, traced.pose(sensor), chosen), frequency)
+        settings = traced.settings(method, rays_per_wavelength2=4.0)
+        simulated = traced.field(traced.trace(scene, traced.MONOSTATIC, traced.pose(sensor), settings), frequency)
         image = wavelength / (8 * np.pi * sensor[0])
-        errors.append(abs(ours - exact) / image)
+        errors.append(abs(simulated - exact) / image)
     return np.array(errors)
 
 
@@ -134,14 +134,14 @@ def _two_panels(method: str, full: bool) -> Finding:
     first = np.array([[0.001, 0, -0.25], [0.5, 0, -0.25], [0.5, 0, 0.25], [0.001, 0, 0.25]])
     second = first[:, [1, 0, 2]]
     role = "object" if method == "tubes" else "room"
-    scene = rt.Scene([rt.Surface(traced.polygon(one), "metal", name, role=role) for one, name in ((first, "a"), (second, "b"))])
+    scene = rt.Scene([rt.Surface(traced.polygon(corners), "metal", name, role=role) for corners, name in ((first, "a"), (second, "b"))])
     errors = []
     for sensor in ([1.0, 0.8, 0.02], [0.4, 1.5, 0.1], [1.2, 1.2, -0.2]) if full else ([1.0, 0.8, 0.02],):
         place = np.array(sensor)
         parts = traced.trace(scene, traced.MONOSTATIC, traced.pose(place), traced.settings(method, max_bounces=2, rays_per_wavelength2=4.0))
-        ours = traced.field([part.where(part.bounces == 2) for part in parts], frequency)
+        simulated = traced.field([part.where(part.bounces == 2) for part in parts], frequency)
         exact = sum(chain_quadrature(order, place, wavelength) for order in ((first, second), (second, first)))
-        errors.append(abs(ours - exact) / (wavelength / (8 * np.pi * np.hypot(*place[:2]))))
+        errors.append(abs(simulated - exact) / (wavelength / (8 * np.pi * np.hypot(*place[:2]))))
     return Finding(0.0, max(errors), max(errors), len(errors))
 
 

@@ -54,7 +54,7 @@ def chain_quadrature(panels: Sequence[ArrayLike], sensor: ArrayLike, wavelength:
     source = np.array(sensor, float)
     target = source.copy() if receiver is None else np.array(receiver, float)
     shapes = [np.asarray(panel, float) for panel in panels]
-    turn = np.eye(3)  # maps a field at departure to the field after the mirrors so far
+    field_map = np.eye(3)  # maps a field at departure to the field after the mirrors so far
     mirror = np.eye(3)  # maps a direction at departure to the direction after the mirrors
     last = shapes.pop()
     pieces = _triangles(last)
@@ -73,7 +73,7 @@ def chain_quadrature(panels: Sequence[ArrayLike], sensor: ArrayLike, wavelength:
         else:
             pieces = _clip_all(pieces, cone)
         reflect = np.eye(3) - 2 * np.outer(normal, normal)
-        mirror, turn = reflect @ mirror, -reflect @ turn
+        mirror, field_map = reflect @ mirror, -reflect @ field_map
     normal, offset = _plane(last)
     side, other = float(normal @ source - offset), float(normal @ target - offset)
     if min(abs(side), abs(other)) < TOUCHING_M:
@@ -86,7 +86,7 @@ def chain_quadrature(panels: Sequence[ArrayLike], sensor: ArrayLike, wavelength:
         rule = _rule(triangle, source, target, wavelength)
         if rule is not None:
             u, weight_u, v, weight_v = rule
-            path = _Path(source, target, np.sign(side) * normal, AXIS, mirror.T.copy(), turn, wavenumber)
+            path = _Path(source, target, np.sign(side) * normal, AXIS, mirror.T.copy(), field_map, wavenumber)
             total += _integrate(triangle, u, weight_u, v, weight_v, path)
     if not np.isfinite(total):
         raise ValueError("a ray runs along AXIS, where its polarisation has no direction; move the sensor or the receiver")
@@ -150,7 +150,7 @@ def _clip(polygon: np.ndarray, planes: Sequence[tuple[np.ndarray, float]]) -> np
 
 def _clip_all(triangles: Sequence[np.ndarray], planes: Sequence[tuple[np.ndarray, float]]) -> list[np.ndarray]:
     cut = (_clip(triangle, planes) for triangle in triangles)
-    return [np.array([one[0], one[i], one[i + 1]]) for one in cut for i in range(1, len(one) - 1)]
+    return [np.array([polygon[0], polygon[i], polygon[i + 1]]) for polygon in cut for i in range(1, len(polygon) - 1)]
 
 
 def _triangles(corners: np.ndarray) -> list[np.ndarray]:
@@ -202,8 +202,8 @@ def _rule(triangle: np.ndarray, source: np.ndarray, target: np.ndarray, waveleng
 class _Path(NamedTuple):
     """The geometry of a path that ends with the last panel: both end points, lit side, polarisation axis, mirrors and wavenumber.
 
-    `mirror` maps the direction in which the ray arrives at the panel to the direction in which the ray departs from the source. `turn` maps
-    the field at departure to the field that arrives at the panel.
+    `mirror` maps the direction in which the ray arrives at the panel to the direction in which the ray departs from the source.
+    `field_map` maps the field at departure to the field that arrives at the panel.
     """
 
     source: np.ndarray
@@ -211,14 +211,14 @@ class _Path(NamedTuple):
     lit: np.ndarray
     axis: np.ndarray
     mirror: np.ndarray
-    turn: np.ndarray
+    field_map: np.ndarray
     wavenumber: float
 
 
 @numba.njit
 def _integrate(triangle, u, weight_u, v, weight_v, path):
     """Return the physical-optics integral over one triangle; NaN if a ray is parallel to the polarisation axis."""
-    source, target, lit, axis, mirror, turn, wavenumber = path
+    source, target, lit, axis, mirror, field_map, wavenumber = path
     a, ab, bc = triangle[0], triangle[1] - triangle[0], triangle[2] - triangle[1]
     area = np.sqrt((np.cross(ab, bc) ** 2).sum())
     total = 0j
@@ -248,7 +248,7 @@ def _integrate(triangle, u, weight_u, v, weight_v, path):
                 size_back += (axis[c] - back * outward[c]) ** 2
             normal_field, normal_in, co, cross = 0.0, 0.0, 0.0, 0.0
             for c in range(3):
-                field[c] = turn[c, 0] * start[0] + turn[c, 1] * start[1] + turn[c, 2] * start[2]
+                field[c] = field_map[c, 0] * start[0] + field_map[c, 1] * start[1] + field_map[c, 2] * start[2]
                 reception = axis[c] - back * outward[c]
                 normal_field += lit[c] * field[c]
                 normal_in += lit[c] * inward[c]

@@ -33,11 +33,11 @@ class Compared:
     """Samples (N,) of a room, computed by exact image sources and by RadarTwin's tracer."""
 
     exact: np.ndarray
-    ours: np.ndarray
+    simulated: np.ndarray
 
     def error(self) -> float:
         """Return the norm of the difference between the tracer's and the exact samples, divided by the norm of the exact samples."""
-        return float(np.linalg.norm(self.ours - self.exact) / np.linalg.norm(self.exact))
+        return float(np.linalg.norm(self.simulated - self.exact) / np.linalg.norm(self.exact))
 
     def profiles(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return (range in metres, exact range profile, tracer's range profile) up to the range of the longest path.
@@ -45,15 +45,15 @@ class Compared:
         Both range profiles are in dB and use a Hann window.
         """
         taper = np.hanning(len(self.exact))
-        spectra = [20 * np.log10(np.abs(np.fft.fft(s * taper, 4 * len(s))) / taper.sum()) for s in (self.exact, self.ours)]
+        spectra = [20 * np.log10(np.abs(np.fft.fft(s * taper, 4 * len(s))) / taper.sum()) for s in (self.exact, self.simulated)]
         axis = RADAR.unambiguous_range_m * np.arange(4 * len(self.exact)) / (4 * len(self.exact))
         return axis, *spectra
 
     def profile_rms(self) -> float:
         """Return the rms difference in dB of the two range profiles over the range cells within 40 dB of the strongest cell."""
-        _, exact, ours = self.profiles()
+        _, exact, simulated = self.profiles()
         seen = exact > exact.max() - DYNAMIC_DB
-        return float(np.sqrt(np.mean((ours - exact)[seen] ** 2)))
+        return float(np.sqrt(np.mean((simulated - exact)[seen] ** 2)))
 
 
 def rotation() -> np.ndarray:
@@ -98,8 +98,8 @@ def compared(room: str, walls: str, method: str, rays: int) -> Compared:
 
 
 def _room(error: Callable[[Compared], float], method: str, rays: int, full: bool) -> Finding:
-    chosen = [(room, walls) for room in ROOMS for walls in WALLS] if full else [("court", "constant")]
-    errors = [error(compared(room, walls, method, rays)) for room, walls in chosen]
+    cases = [(room, walls) for room in ROOMS for walls in WALLS] if full else [("court", "constant")]
+    errors = [error(compared(room, walls, method, rays)) for room, walls in cases]
     return Finding(0.0, max(errors), max(errors), len(errors))
 
 
@@ -115,9 +115,9 @@ def _lossless(method: str, full: bool) -> Finding:
     exact *= stack.SPEED_OF_LIGHT / (4 * np.pi)
     levels = []
     for order in range(1, BOUNCES + 1):
-        chosen = [part.where(part.bounces == order) for part in parts]
-        ours = np.array([traced.field(chosen, f) for f in frequency])
-        levels.append((float(10 * np.log10(np.sum(np.abs(exact[order]) ** 2))), float(10 * np.log10(np.sum(np.abs(ours) ** 2)))))
+        order_paths = [part.where(part.bounces == order) for part in parts]
+        simulated = np.array([traced.field(order_paths, f) for f in frequency])
+        levels.append((float(10 * np.log10(np.sum(np.abs(exact[order]) ** 2))), float(10 * np.log10(np.sum(np.abs(simulated) ** 2)))))
     return worst(levels)
 
 

@@ -57,10 +57,10 @@ def _array(full: bool) -> Finding:
     pairs = []
     for row in reference_rows("array_phase_error_deg.csv"):
         distance = float(row["R_m"])
-        one = np.array([[1.0, 0.0, 0.0]])
+        direction = np.array([[1.0, 0.0, 0.0]])
         point = replace(
             scattered_paths(1, 0.0, 0), amplitude=np.ones((1, 1), complex), length_in_m=np.array([distance]),
-            length_out_m=np.array([distance]), departure=one, arrival=one,
+            length_out_m=np.array([distance]), departure=direction, arrival=direction,
         )  # fmt: skip
         samples = synthesize(point, RADAR)[0, 0].reshape(8, -1)[:, 0]
         turned = np.degrees(np.angle(samples * np.exp(-4j * np.pi * RADAR.start_frequency_hz / SPEED_OF_LIGHT * distance)))

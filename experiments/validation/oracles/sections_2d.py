@@ -94,7 +94,7 @@ def corner(face_m: float, distance_m: float, turn_deg: float) -> np.ndarray:
 
 def error(shapes: Sequence[np.ndarray]) -> float:
     """Return the norm of the error of physical optics divided by the norm of the exact field, over all shapes and FREQUENCIES_HZ."""
-    pairs = np.array([(optics(one, f), exact(one, f)) for one in shapes for f in FREQUENCIES_HZ])
+    pairs = np.array([(optics(shape, f), exact(shape, f)) for shape in shapes for f in FREQUENCIES_HZ])
     return float(np.linalg.norm(pairs[:, 0] - pairs[:, 1]) / np.linalg.norm(pairs[:, 1]))
 
 
@@ -102,9 +102,9 @@ def cases() -> dict[str, list[np.ndarray]]:
     """Return the shapes in the frames of the benchmark: a plate and a trihedral of 10 cm at 1 m, and a trihedral of 15 cm at 0.5 m."""
     turns = TURN_DEG * np.arange(FRAMES)
     return {
-        "plate": [strip(0.1, 1.0, turn) for turn in turns],
-        "trihedral": [corner(0.1, 1.0, 5.0 + turn) for turn in turns],
-        "trihedral 15 cm": [corner(0.15, 0.5, 5.0 + turn) for turn in turns],
+        "plate": [strip(0.1, 1.0, turn_deg) for turn_deg in turns],
+        "trihedral": [corner(0.1, 1.0, 5.0 + turn_deg) for turn_deg in turns],
+        "trihedral 15 cm": [corner(0.15, 0.5, 5.0 + turn_deg) for turn_deg in turns],
     }
 
 

@@ -77,8 +77,8 @@ class Room:
             reflections = [self._reflection(surface) for surface in surfaces]
             amplitude = sum(
                 (
-                    share * box.carried([walls[w][0] for w in turn], direction, axis, [reflections[w] for w in turn])
-                    for turn, share in box.orders(direction, walls, sensor)
+                    share * box.carried([walls[w][0] for w in wall_order], direction, axis, [reflections[w] for w in wall_order])
+                    for wall_order, share in box.orders(direction, walls, sensor)
                 ),
                 0j,
             )
@@ -95,8 +95,8 @@ class Room:
         `_beside` shortens these vectors at other places.
         """
         first = box.across(np.eye(3)[np.argmin(np.abs(direction))], direction)
-        turn = 2 * np.pi * (np.arange(AROUND) + 0.37) / AROUND
-        ring = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * np.cross(direction, first)
+        angle = 2 * np.pi * (np.arange(AROUND) + 0.37) / AROUND
+        ring = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * np.cross(direction, first)
         return ring * np.sqrt(SPEED_OF_LIGHT / self._frequency_hz * length_m) / 2
 
     def _near(self, points: np.ndarray, radius_m: float) -> np.ndarray:

@@ -146,7 +146,7 @@ def drift(target: Target, full: bool) -> Finding:
     for size in target.sizes if full else target.sizes[:2]:
         mesh, direction, _ = size()
         levels = [level(mesh, direction, density) for density in ((4, 8, 16, 32, 64) if full else (4, 64))]
-        pairs += [(levels[0], one) for one in levels[1:]]
+        pairs += [(levels[0], level_db) for level_db in levels[1:]]
     return worst(pairs)
 
 
@@ -163,20 +163,20 @@ def spread(target: Target, full: bool) -> Finding:
 def pattern(azimuth_deg: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the cross-sections of the 10 cm trihedral in dBsm at each azimuth, as (values by quadrature, values of the ray tracer)."""
     mesh = objects.trihedral(0.1)
-    ours = [level(mesh, (np.cos(a), np.sin(a), 0.0), DENSITY) for a in np.radians(azimuth_deg)]
-    return np.array([db(trihedral_rcs(0.1, float(a))) for a in azimuth_deg]), np.array(ours)
+    simulated = [level(mesh, (np.cos(a), np.sin(a), 0.0), DENSITY) for a in np.radians(azimuth_deg)]
+    return np.array([db(trihedral_rcs(0.1, float(a))) for a in azimuth_deg]), np.array(simulated)
 
 
 def _pattern(full: bool) -> Finding:
-    reference, ours = pattern(np.linspace(-30, 30, 121 if full else 16))
-    return rms(ours - reference)
+    reference, simulated = pattern(np.linspace(-30, 30, 121 if full else 16))
+    return rms(simulated - reference)
 
 
 def _pattern_prototype(full: bool) -> Finding:
     rows = [row for row in reference_rows("trihedral_10cm_pattern.csv") if abs(float(row["az_deg"])) <= 30]
     rows = rows if full else rows[::10]
-    _, ours = pattern(np.array([float(row["az_deg"]) for row in rows]))
-    return rms(ours - np.array([float(row["SBR_h0.1_dBsm"]) for row in rows]))
+    _, simulated = pattern(np.array([float(row["az_deg"]) for row in rows]))
+    return rms(simulated - np.array([float(row["SBR_h0.1_dBsm"]) for row in rows]))
 
 
 def _closed_forms(full: bool) -> Finding:

@@ -33,9 +33,9 @@ def settings(method: str, **values: Any) -> TraceSettings:
     return TraceSettings(**values)
 
 
-def trace(scene: rt.Scene, radar: rt.Radar, pose: np.ndarray, chosen: TraceSettings) -> list[Paths]:
+def trace(scene: rt.Scene, radar: rt.Radar, pose: np.ndarray, trace_settings: TraceSettings) -> list[Paths]:
     """Trace the paths of one sensor pose and return them as a list of path groups."""
-    return trace_paths(scene, radar, pose[None], None, chosen)[0]
+    return trace_paths(scene, radar, pose[None], None, trace_settings)[0]
 
 
 def field(parts: Sequence[Paths], frequency_hz: float) -> complex:
