@@ -120,7 +120,11 @@ def score(config: Config, frame: Frame, copies: Copies) -> Result:
     rows = table_rows(config, answers, partial(cells, config))
     accuracies = [row for row in rows if row["metric"] == "accuracy" and not row.get("attribute")]
     curve = grouped(accuracies, "method", "labels per class")
-    metrics = {f"gain_over_{second}": _value(rows, f"{first} - {second}") for first, second in PAIRS if first == PRETRAINED}
+    metrics = {
+        f"gain_over_{second.partition(' (')[0].replace(' ', '_')}": _value(rows, f"{first} - {second}")
+        for first, second in PAIRS
+        if first == PRETRAINED
+    }
     return Result(TABLE.name, rows, {TABLE.name: lambda: label_curve(curve, 1 / len(of_first_draw.classes))}, metrics, keys(frame))
 
 

@@ -153,12 +153,17 @@ def check_rows(table: str, rows: Sequence[dict[str, Any]]) -> None:
             raise InputError(f"{where}: value {value} lies outside its interval {low} to {high}")
 
 
-def save(result: Result, folder: Path) -> None:
-    """Draw the figures of a result and write the result to `folder`, which becomes its folder in the store."""
+def check_result(result: Result) -> None:
+    """Check the rows of a result (`check_rows`) and the names of its metrics. Raises InputError."""
     check_rows(result.table, result.rows)
     for name in result.metrics:
         if any(bracket in name for bracket in "[](){}"):
             raise InputError(f"metric '{name}' of table {result.table} has brackets in its name; MLflow refuses them")
+
+
+def save(result: Result, folder: Path) -> None:
+    """Draw the figures of a result and write the result to `folder`, which becomes its folder in the store."""
+    check_result(result)
     rows = [{column: _plain(value) for column, value in row.items()} for row in result.rows]
     metrics = {name: float(value) for name, value in result.metrics.items()}
     names = {"figures": sorted(result.figures), "models": sorted(result.models)}
