@@ -1,6 +1,4 @@
-"""Tests of a model's answers to material questions: schema, the material that follows from an answer, storage, recorded answers, export,
-import and scores.
-"""
+"""Answers about materials: schema, the material that follows, storage, recorded answers, export, import and scores."""
 
 from __future__ import annotations
 
