@@ -1,8 +1,4 @@
-"""RadarTwin refuses malicious files with a one-line message. RadarTwin runs no code from a malicious file, and reads and writes no file
-outside the folder of this file.
-
-All files in these tests are well formed. The file test_fuzz.py tests damaged files.
-"""
+"""Well-formed malicious files run no code, reach no file outside their folder, and are refused in one line."""
 
 from __future__ import annotations
 

@@ -104,10 +104,10 @@ for _ in range(60):
 
 def test_processes_share_a_folder_while_they_evict_entries_of_one_another(tmp_path):
     here = os.path.dirname(__file__)
-    running = [subprocess.Popen([sys.executable, "-c", SHARES, str(tmp_path), here, str(i)]) for i in range(3)]
-    assert [process.wait() for process in running] == [0, 0, 0]
+    running = [subprocess.Popen([sys.executable, "-c", SHARES, str(tmp_path), here, str(i)]) for i in range(2)]
+    assert [process.wait() for process in running] == [0, 0]
     assert all(p.suffix == ".npz" for p in tmp_path.iterdir())
-    assert sum(p.stat().st_size for p in tmp_path.iterdir()) <= 10_000 + 3 * 3_500
+    assert sum(p.stat().st_size for p in tmp_path.iterdir()) <= 10_000 + 2 * 3_500
 
 
 def test_a_start_removes_what_a_killed_process_left(tmp_path):

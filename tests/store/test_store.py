@@ -1,6 +1,4 @@
-"""A stored result is complete or absent. The store computes each result once, also if several processes ask for it, and computes it again
-after a failure or a kill.
-"""
+"""A stored result is complete or absent, is computed once by all processes, and again after a failure or a kill."""
 
 from __future__ import annotations
 
@@ -108,12 +106,12 @@ def build_slowly(root: Path, log: Path) -> None:
 def test_concurrent_processes_build_a_product_once(tmp_path: Path) -> None:
     log = tmp_path / "log"
     context = multiprocessing.get_context("spawn")
-    processes = [context.Process(target=build_slowly, args=(tmp_path / "cache", log)) for _ in range(3)]
+    processes = [context.Process(target=build_slowly, args=(tmp_path / "cache", log)) for _ in range(2)]
     for process in processes:
         process.start()
     for process in processes:
         process.join(60)
-    assert [process.exitcode for process in processes] == [0, 0, 0]
+    assert [process.exitcode for process in processes] == [0, 0]
     assert log.read_text() == "built\n"
     assert len(list((tmp_path / "cache" / "recording").iterdir())) == 1
 
