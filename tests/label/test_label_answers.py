@@ -13,7 +13,7 @@ from displaced import displaced
 
 from experiments.generators.questions import replace_answers
 from radartwin.errors import LabelError, MissingError, SceneError
-from radartwin.label.answers import Answer, interior, material_of, read_answer
+from radartwin.label.answers import Answer, Kind, interior, material_of, read_answer
 from radartwin.label.journal import Journal, Record
 from radartwin.label.labels import answer_label
 from radartwin.label.place import Place, matches, overlap, place_of
@@ -71,7 +71,7 @@ def test_answer_is_found_within_other_text() -> None:
         ("surface", {"finish": ...}, r"^'finish' is a required property$"),
     ],
 )
-def test_invalid_answer_is_refused_in_one_line(kind: str, changes: dict[str, object], message: str) -> None:
+def test_invalid_answer_is_refused_in_one_line(kind: Kind, changes: dict[str, object], message: str) -> None:
     with pytest.raises(LabelError, match=message):
         read_answer({key: value for key, value in (GOOD | changes).items() if value is not ...}, kind)
 
