@@ -1,6 +1,4 @@
-"""Small file systems for tests of full and read-only disks. Mounting needs root; without root, the tests that need these disks are skipped
-with this reason.
-"""
+"""Small file systems for tests of full and read-only disks. Without root, which mounting needs, these tests are skipped."""
 
 from __future__ import annotations
 

@@ -7,15 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from composing import compose
 
 from radartwin.builders.radar import build_radar
 from radartwin.config import messages
-from radartwin.config.compose import Composer, combinations, compose, groups, path_override, quoted
+from radartwin.config.compose import Composer, combinations, groups, path_override, quoted
 from radartwin.errors import ConfigError, MissingError
 from radartwin.radar.chirp import Radar
 from radartwin.runs.experiment import load
 
-COMPOSER = Composer()  # reads the files of the default options once for all tests
 MISTAKES = {
     "unknown key": (["scene.nme=x"], ("scene.nme", "did you mean name", "target_size_m")),
     "key added with a plus": (["+scene.colour=red"], ("scene.colour", "target_size_m")),
@@ -49,6 +49,7 @@ MISTAKES = {
     "recordings without folder": (["measured=recordings"], ("measured=recordings", "measured.folder")),
     "folder without recordings": (["measured.folder=x"], ("measured.folder", "measured=recordings")),
     "recordings in a folder that is no set": (["measured=recordings", "measured.folder=/"], ("measured.folder=/", "no recording set")),
+    "recordings in an absent folder": (["measured=recordings", "measured.folder=/nowhere"], ("measured.folder=/nowhere", "is no folder")),
     "true materials of a scan": (["scene=scan", "scene.path=x.glb", "materials=true"], ("materials=true", "scan")),
     "nothing to simulate": (["materials=void", "scene.target=none"], ("materials=void", "scene.target")),
     "field of another source": (
@@ -58,7 +59,6 @@ MISTAKES = {
     "another option by its selector": (["materials.source=void"], ("materials.source=void", "choose materials=void")),
     "labels of a procedural room": (["scene=lab", "materials=scene"], ("materials=scene", "scene=scan")),
     "share above one": (["materials=random", "materials.p=1.5"], ("materials.p=1.5", "0 to 1")),
-    "password in an address": (["scene.llm_url=http://me:word@host/v1"], ("scene.llm_url", "RADARTWIN_LLM_KEY")),
     "shots without few_shot": (["supervision.shots=3"], ("supervision.shots=3", "few_shot")),
     "few_shot without shots": (["supervision=few_shot", "supervision.shots=0"], ("supervision.shots", "at least 1")),
     "server without tracking": (["tracking=off", "tracking.uri=http://localhost:5000"], ("tracking=off", "mlflow")),
@@ -69,7 +69,7 @@ MISTAKES = {
 @pytest.mark.parametrize(("overrides", "words"), MISTAKES.values(), ids=MISTAKES)
 def test_mistake_is_one_line_that_names_it(overrides: list[str], words: tuple[str, ...]) -> None:
     with pytest.raises(ConfigError) as caught:
-        COMPOSER.compose(overrides)
+        compose(overrides)
     message = str(caught.value)
     assert "\n" not in message
     for word in words:
@@ -161,14 +161,14 @@ def test_user_folder_of_any_name_adds_options(tmp_path: Path) -> None:
 
 def test_absent_user_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(MissingError, match="no_such_folder"):
-        compose([], [tmp_path / "no_such_folder"])
+        Composer([tmp_path / "no_such_folder"]).compose([])
 
 
 @pytest.mark.parametrize("name", ["a b, 'c' = {d}", "[x],y=z", "\\a\\\\b", "end\\", "${a}", "\\${a:b}\\'", "\\\\${a", "#?%20$"])
 def test_path_keeps_all_its_characters(name: str, tmp_path: Path) -> None:
     overrides = [path_override("output", tmp_path / name)]
-    assert COMPOSER.compose(overrides).output == str(tmp_path / name)
-    assert COMPOSER.compose(combinations(overrides)[0]).output == str(tmp_path / name), "in a job of a sweep"
+    assert compose(overrides).output == str(tmp_path / name)
+    assert compose(combinations(overrides)[0]).output == str(tmp_path / name), "in a job of a sweep"
 
 
 def test_errors_that_are_each_others_context_end_the_search_for_a_cause() -> None:

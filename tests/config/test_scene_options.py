@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from composing import compose
 
 from radartwin.builders.radar import build_radar
 from radartwin.builders.scene import TARGET, build_room, build_target, lowest_m
 from radartwin.builders.trajectory import build_course, build_start
-from radartwin.config.compose import compose
 from radartwin.config.trajectory import DepthTrajectory, StartTrajectory
 from radartwin.errors import ConfigError
 from radartwin.scene import objects, rooms

@@ -4,11 +4,11 @@ import warnings
 
 import numpy as np
 import pytest
+from composing import compose
 
 from radartwin.builders.radar import build_radar
 from radartwin.builders.scene import add_layout, build_room
 from radartwin.builders.trajectory import build_course, check_course
-from radartwin.config.compose import compose
 from radartwin.errors import ConfigError, LayoutError, MissingError, PoseError
 from radartwin.scene.scene import Scene
 from radartwin.scene.trajectories import trajectory

@@ -1,6 +1,4 @@
-"""The import contracts in pyproject.toml hold: packages import along one direction of data flow, without cycles, and only one package
-imports MLflow.
-"""
+"""The import contracts in pyproject.toml hold: one direction of data flow, no cycles, and few modules that import MLflow."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of measured data from a recording set: the digest of a recording, and the refusal of folders that contain no recording set."""
+"""The digest of a measured recording depends on its content only."""
 
 from __future__ import annotations
 
@@ -8,9 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radartwin.config.compose import compose
-from radartwin.config.study import RecordingsConfig
-from radartwin.errors import ConfigError
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
 from radartwin.recordings.card import Card
@@ -44,15 +41,3 @@ def test_digest_depends_on_the_content_only(measured: RecordingSet, tmp_path: Pa
     samples = copy.folder / "recordings" / "other.bin"
     samples.write_bytes(bytes(samples.stat().st_size))
     assert copy.digest(copy.rows[0]) != keys[0]
-
-
-def test_configuration_refuses_a_folder_that_is_not_a_set(measured: RecordingSet, tmp_path: Path) -> None:
-    config = compose(["measured=recordings", f"measured.folder={measured.folder}"]).measured
-    assert isinstance(config, RecordingsConfig)
-    assert config.folder == str(measured.folder)
-    (tmp_path / "file").write_text("x")
-    for name, words in (("nowhere", "is no folder"), ("file", "is no folder"), ("", r"no card\.yaml.*radartwin import")):
-        with pytest.raises(ConfigError, match=words) as caught:
-            compose(["measured=recordings", f"measured.folder={tmp_path / name}"])
-        assert "measured.folder" in str(caught.value)
-        assert "\n" not in str(caught.value)

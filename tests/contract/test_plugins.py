@@ -1,12 +1,8 @@
-"""Plug-ins of an installed package are found by name, take part in run keys, and their mistakes are one line with exit status 2.
-
-The package tests/plugin_package is built and installed by pip into a temporary folder, without a network.
-"""
+"""Plug-ins of an installed package are found by name, count in run keys, and their mistakes are one line with exit status 2."""
 
 from __future__ import annotations
 
 import csv
-import json
 import os
 import pickle
 import subprocess
@@ -21,7 +17,7 @@ from radartwin import plugins, sources
 from radartwin.config import plugged
 from radartwin.config.compose import compose
 from radartwin.config.config import SCHEMAS
-from radartwin.config.plugged import GROUPS, code_of
+from radartwin.config.plugged import GROUPS
 from radartwin.errors import ConfigError
 from radartwin.label.sources import material_source
 from radartwin.plugins import PluginError
@@ -49,14 +45,14 @@ def clear() -> None:
     from hydra.core.config_store import ConfigStore
 
     for group, options in SCHEMAS.items():
-        for option in [one for one, schema in options.items() if schema.__module__ == "radartwin.config.plugged"]:
+        for option in [name for name, schema in options.items() if schema.__module__ == "radartwin.config.plugged"]:
             del options[option]
             ConfigStore.instance().repo[group].pop(f"{option}.yaml", None)
     for group, entry_points in GROUPS.items():
         stored = ConfigStore.instance().repo.get(group, {})
         for name in (NAMES[entry_points], "clashing", "broken"):
             stored.pop(f"{name}.yaml", None)
-    for name in [one for one in sys.modules if one.partition(".")[0] in ("radartwin_example", "other_package")]:
+    for name in [module for module in sys.modules if module.partition(".")[0] in ("radartwin_example", "other_package")]:
         del sys.modules[name]
     plugins._loaded.cache_clear()
     plugins._installed.cache_clear()
@@ -86,9 +82,9 @@ def distribution(folder: Path, package: str, group: str, entry: str, module: str
 def test_every_group_finds_its_name_without_an_import(installed: Path) -> None:
     for group in plugins.GROUPS:
         assert plugins.names(group) == [NAMES[group]]
-        found = plugins.find(group, NAMES[group])
-        assert found is not None
-        assert found.package == "radartwin-example"
+        entry = plugins.find(group, NAMES[group])
+        assert entry is not None
+        assert entry.package == "radartwin-example"
     assert "radartwin_example" not in sys.modules
 
 
@@ -165,7 +161,7 @@ def test_run_key_depends_on_the_code_of_the_plug_in(installed: Path, tmp_path: P
             (copy / path.relative_to(installed)).write_bytes(path.read_bytes())
     source = copy / "radartwin_example" / "echoes.py"
     source.write_text(source.read_text().replace("1.0", "1.5"))
-    monkeypatch.setattr(sys, "path", [str(copy), *(one for one in sys.path if one != str(installed))])
+    monkeypatch.setattr(sys, "path", [str(copy), *(folder for folder in sys.path if folder != str(installed))])
     clear()
     assert run_key(compose(words)) != before
 
@@ -197,36 +193,27 @@ def test_mistake_is_one_line(installed: Path, inside: Callable, words: list[str]
     assert message in done.stderr
 
 
-CLASHES = {  # command, group, name that another package takes as well, words of the message
-    "built-in simulator": (["simulate", "simulator=points"], plugins.SIMULATORS, "points"),
-    "built-in material": (["simulate", "materials=uniform"], plugins.MATERIALS, "uniform"),
-    "built-in features": (["simulate", "features=raw"], plugins.FEATURES, "raw"),
-    "built-in experiment": (["run", "experiment=validation"], plugins.EXPERIMENTS, "validation"),
-    "benchmark": (["benchmark", "--method", "points"], plugins.SIMULATORS, "points"),
+BUILT_IN = "plug-in '{}' of package other-package ({}) has the name of a built-in option"
+TWICE = "packages other-package and radartwin-example both provide '{}' in {}"
+CLASHES = {  # command, group, name that another package takes as well, message
+    "built-in simulator": (["simulate", "simulator=points"], plugins.SIMULATORS, "points", BUILT_IN),
+    "built-in material": (["simulate", "materials=uniform"], plugins.MATERIALS, "uniform", BUILT_IN),
+    "built-in features": (["simulate", "features=raw"], plugins.FEATURES, "raw", BUILT_IN),
+    "built-in experiment": (["run", "experiment=validation"], plugins.EXPERIMENTS, "validation", BUILT_IN),
+    "built-in method": (["benchmark", "--method", "points"], plugins.SIMULATORS, "points", BUILT_IN),
+    "plug-in of two packages": (["simulate", "simulator=echoes"], plugins.SIMULATORS, "echoes", TWICE),
+    "method of two packages": (["benchmark", "--method", "echoes"], plugins.SIMULATORS, "echoes", TWICE),
 }
 
 
 @pytest.mark.parametrize("clash", CLASHES)
-def test_clash_with_a_built_in_option_is_one_line(
-    clash: str, installed: Path, tmp_path: Path, inside: Callable, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    words, group, name = CLASHES[clash]
+def test_clash_of_names_is_one_line(clash: str, installed: Path, tmp_path: Path, inside: Callable, monkeypatch: pytest.MonkeyPatch) -> None:
+    words, group, name, message = CLASHES[clash]
     distribution(tmp_path / "site", "other-package", group, f"{name} = other_package:Thing")
     monkeypatch.syspath_prepend(tmp_path / "site")
     done = inside(*words)
     assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
-    assert f"plug-in '{name}' of package other-package ({group}) has the name of a built-in option" in done.stderr
-    if "simulator" in clash:
-        assert inside("simulate", "scene=plate", "trajectory=static", "simulator=echoes").returncode == 0, "other names still work"
-
-
-def test_clash_of_two_packages_is_one_line(installed: Path, tmp_path: Path, inside: Callable, monkeypatch: pytest.MonkeyPatch) -> None:
-    distribution(tmp_path / "site", "other-package", plugins.SIMULATORS, "echoes = other_package:Thing")
-    monkeypatch.syspath_prepend(tmp_path / "site")
-    for words in (["simulate", "simulator=echoes"], ["benchmark", "--method", "echoes"]):
-        done = inside(*words)
-        assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
-        assert "packages other-package and radartwin-example both provide 'echoes' in radartwin.simulators" in done.stderr
+    assert message.format(name, group) in done.stderr
 
 
 def test_encoder_clash_is_an_error(installed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -281,7 +268,8 @@ def test_broken_plug_in_is_one_line_that_names_the_package(
     assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
     assert "plug-in 'broken' of package other-package" in done.stderr
     assert message in done.stderr
-    assert inside("simulate", "scene=plate", "trajectory=static", "simulator=echoes").returncode == 0, "other plug-ins still work"
+    if fault in ("import", "exit"):
+        assert inside("simulate", "scene=plate", "trajectory=static", "simulator=echoes").returncode == 0, "other plug-ins still work"
 
 
 def test_features_of_a_plug_in_match_their_definition(installed: Path) -> None:
@@ -302,10 +290,3 @@ def test_features_of_a_plug_in_match_their_definition(installed: Path) -> None:
     rows = frames(seen, nominal, "decay")[1]
     assert rows[:, 0] == pytest.approx([-5.0, -5.0], abs=0.1)
     assert vector(seen, nominal, "decay", ["decay/slope"])[0] == [name for name in names if name != "decay_db_per_m"]
-
-
-def test_code_of_a_plug_in_is_the_digest_of_its_source(installed: Path) -> None:
-    found = plugins.find(plugins.SIMULATORS, "echoes")
-    assert found is not None
-    assert code_of(found) == compose(["simulator=echoes"]).simulator.code  # type: ignore[attr-defined]
-    assert len(json.dumps(code_of(found))) == 66

@@ -97,9 +97,7 @@ def test_tables_interpolate_layered_walls(finish):
 
 
 def test_every_path_of_a_room_is_an_exact_image():
-    """The complex amplitudes of paths over layered walls, door and window agree with image sources, up to four bounces and for a rotated
-    antenna.
-    """
+    """Complex amplitudes agree with image sources for layered walls, door and window, up to four bounces and a rotated antenna."""
     scene, pose = rooms.room("lab", detail="shell"), pose_in("lab", 0, 0)
     found, images = reference("Sionna, co-located", scene, pose).strong(40.0), reference("image sources", scene, pose)
     index = partners(found, images)
@@ -113,9 +111,7 @@ def test_every_path_of_a_room_is_an_exact_image():
 
 @pytest.mark.filterwarnings("ignore:sionna:UserWarning")
 def test_elements_see_the_same_images_as_with_the_tracer():
-    """Sionna and our tracer give the same image per antenna element, although Sionna's mirror planes come from the facets of its paths and
-    the tracer's mirror planes from panels.
-    """
+    """Sionna's mirror planes come from the facets of its paths, those of the tracer from panels."""
     scene, pose = rooms.room("lab", detail="shell"), pose_in("lab", 1, 0)
     (theirs,) = backend("sionna", max_bounces=2).paths(scene, RADAR, pose[None])
     mine = MitsubaBackend(TraceSettings(room="panels", diffuse=False, max_bounces=2)).paths(scene, RADAR, pose[None])[0]

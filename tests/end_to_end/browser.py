@@ -1,6 +1,4 @@
-"""Control the browser Chromium without a window. The test sends DevTools commands through a pipe, without a driver program, network port or
-Python package.
-"""
+"""Control the browser Chromium without a window, by DevTools commands through a pipe."""
 
 from __future__ import annotations
 

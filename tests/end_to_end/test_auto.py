@@ -1,6 +1,4 @@
-"""With simulator=auto, the command line prints the chosen settings and the reasons and stores them, and the user can
-override each setting.
-"""
+"""With simulator=auto, the chosen settings are printed with reasons and stored, and a given setting is not chosen."""
 
 from __future__ import annotations
 

@@ -47,14 +47,3 @@ def test_the_demonstration_ends_with_a_page_that_names_the_surfaces(inside, chro
     echoes = tab.run("document.querySelector('#echoes').textContent")
     for number, row in enumerate(rows, 1):
         assert re.search(rf"\b{number} {row[4]}\b", echoes), "the picture marks the peak with its surface"
-
-
-@pytest.mark.parametrize("name", ["file", "file/below"])
-def test_an_output_that_is_a_file_is_refused_in_one_line(inside, tmp_path: Path, name: str) -> None:
-    (tmp_path / "file").write_text("kept")
-    done = inside("demo", "--output", name)
-    assert done.returncode == 2
-    assert len(done.stderr.splitlines()) == 1
-    assert "is not a folder; choose another place" in done.stderr
-    assert done.stdout == ""
-    assert (tmp_path / "file").read_text() == "kept"

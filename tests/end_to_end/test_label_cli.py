@@ -153,7 +153,3 @@ def test_user_error_is_one_line_and_changes_nothing(inside, folder: Path, argume
     assert words in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
-
-
-def test_folder_without_a_scene_is_named(inside, tmp_path: Path) -> None:
-    assert "is not a scene folder" in inside("label", tmp_path).stderr

@@ -1,6 +1,4 @@
-"""With the recorded model answers of the shipped rooms, every surface has the source of its material label, and the manifest of the scene
-is unchanged by saving and loading.
-"""
+"""The recorded model answers label every surface of the shipped rooms, and the labels survive saving and loading."""
 
 from __future__ import annotations
 
@@ -53,9 +51,7 @@ def test_recorded_answers_label_the_scan_and_the_manifest_round_trips(room: str,
 @pytest.mark.slow
 @pytest.mark.parametrize("room", shipped_rooms())
 def test_shipped_answers_match_the_current_questions(room: str, request: pytest.FixtureRequest) -> None:
-    """The recorded answers belong to the current prompt, and to the surfaces of a new reconstruction of the scan. The digests of the
-    pictures depend on the type of processor.
-    """
+    """The answers belong to the current prompt and to a new reconstruction. Digests of pictures depend on the processor."""
     data = request.getfixturevalue("shared_data") / "scans" / CHAIR if room == CHAIR else Path()
     assert {record.prompt for record in shipped(room)} == {prompt_digest()}
     assert answered(room, asked(room, data)) > 0.99, "of the area of all surfaces"

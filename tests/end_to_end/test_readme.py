@@ -1,6 +1,4 @@
-"""All commands of the README run as printed, in the order of the README, on small input, except those in ELSEWHERE. The test adds
-overrides that shorten slow commands.
-"""
+"""The commands of the README run in its order on small input, except those in ELSEWHERE. Added overrides shorten them."""
 
 from __future__ import annotations
 
@@ -33,7 +31,7 @@ CAMPAIGN = [
     "profile.campaign.turntable_objects=[corner_reflector]", "profile.campaign.reflector_distances_m=[1.0]",
     "profile.campaign.rail_objects=[]", "profile.campaign.rover_rooms=[]",
 ]  # fmt: skip
-# Tested in test_dashboard.py, test_classify.py, test_demo.py, test_live.py, tests/benchmark, tests/experiments and, with
+# Tested in test_dashboard.py, test_train.py, test_demo.py, test_live.py, tests/benchmark, tests/experiments and, with
 # `make test-slurm`, on a cluster of one node.
 ELSEWHERE = {"dashboard", "classify", "demo", "--live", "benchmark", "tables", "hydra/launcher=slurm"}
 PAGE = blocks(ROOT / "README.md")
@@ -42,9 +40,7 @@ STUDY = next(n for n, block in enumerate(PAGE) if "experiment=environment" in bl
 
 @pytest.fixture
 def folder(here: Path, shared_data: Path) -> Path:
-    """Return a working folder with the input files of the README's commands: a room, a radar configuration, camera frames, a real capture
-    and a real data cube.
-    """
+    """Return a working folder with the input files of the README's commands."""
     room = rooms.lab(detail="shell")
     trimesh.util.concatenate([s.mesh for s in room]).export(here / "room.glb")
     (here / "profile.cfg").write_text(

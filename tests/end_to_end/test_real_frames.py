@@ -1,6 +1,4 @@
-"""Reconstruct real camera frames: 24 ARKit frames of a chair on a patio, up to its simulated radar echoes, and five frames of the data set
-slambook2.
-"""
+"""Reconstruct real camera frames: 24 ARKit frames of a chair on a patio, and five frames of the data set slambook2."""
 
 import dataclasses
 
@@ -8,10 +6,6 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-import radartwin as rt
-from radartwin.features.processed import process
-from radartwin.label.sources import Vlm
-from radartwin.reconstruct.build import reconstruct
 from radartwin.reconstruct.distance import covered, to_mesh
 from radartwin.reconstruct.frames.frames import Frame, points, rescaled
 from radartwin.reconstruct.frames.layouts import load_frames
@@ -34,12 +28,10 @@ def vendor(shared_data):
 
 @pytest.mark.parametrize(("refine", "median_m", "p95_m"), [(False, 0.010, 0.12), (True, 0.015, 0.13)])
 def test_mesh_and_vendor_mesh_are_close(chair, vendor, refine, median_m, p95_m):
-    """The goal is a median distance of 30 mm between our mesh and the vendor's mesh. The vendor uses 70 frames at the recorded camera
-    poses; we use 24 frames.
-    """
+    """The goal is a median distance of 30 mm. The vendor uses 70 frames at the recorded poses; we use 24."""
     mesh, _ = chair[1][refine]
-    for one, other in ((mesh, vendor), (vendor, mesh)):
-        distance = to_mesh(covered(np.asarray(one.triangles), 0.04)[0], other)
+    for source, target in ((mesh, vendor), (vendor, mesh)):
+        distance = to_mesh(covered(np.asarray(source.triangles), 0.04)[0], target)
         assert np.median(distance) < median_m
         assert np.quantile(distance, 0.95) < p95_m
 
@@ -107,40 +99,3 @@ def test_slambook_frames_fuse_to_one_room(shared_data):
     assert mesh.area > 15
     assert report.alignment is not None
     assert report.alignment.after_m < report.alignment.before_m
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::radartwin.materials.itu.StandInWarning")
-def test_echoes_of_a_labelled_scan_come_from_its_surfaces(shared_data):
-    """The patio has no wall; its upright surfaces are furniture, a planter and leaves. The strongest simulated echoes must come from these
-    surfaces.
-    """
-    scene = Vlm(missing="concrete")(reconstruct(shared_data / "scans" / "arkit_lidar_chair_scan"))
-    assert "floor" in scene.names
-    assert not any(name.startswith("wall") for name in scene.names), "a patio"
-    area = np.array([s.mesh.area for s in scene])
-    answered = np.array([s.provenance["source"] == "vlm" for s in scene])
-    assert area[answered].sum() > 0.9 * area.sum()
-    floor = next(s for s in scene if s.name == "floor")
-    assert floor.provenance["minc"] in ("stone", "tile", "polishedstone", "brick"), "paving"
-
-    upright = max((s for s in scene if s.name != "floor"), key=lambda s: s.mesh.area)
-    target = np.asarray(upright.mesh.triangles_center).mean(axis=0)
-    pose = np.eye(4)
-    away = np.array([1.0, 0.0]) if abs(target[0]) > abs(target[1]) else np.array([0.0, 1.0])
-    eye = np.array([*(target[:2] - 1.8 * away), 0.6])
-    pose[:2, 0], pose[:2, 1], pose[:3, 3] = away, [-away[1], away[0]], eye
-    recording = rt.simulate(scene, rt.Radar.iwr1843(), pose[None])
-    made = process(recording, doppler=False)
-    profile, range_m = made.power.mean(axis=0, dtype=float), made.range_m
-    # Distances of surfaces other than the floor within 45 degrees of the boresight, from the geometry.
-    offset = np.concatenate([s.mesh.triangles_center for s in scene if s.name != "floor"]) - eye
-    distance = np.linalg.norm(offset, axis=1)
-    near = np.sort(distance[offset @ pose[:3, 0] > np.cos(np.radians(45.0)) * distance])
-    inner = profile[1:-1]
-    local = np.flatnonzero((inner > profile[:-2]) & (inner > profile[2:]) & (range_m[1:-1] > 0.3)) + 1
-    peaks = range_m[local[np.argsort(-profile[local])[:3]]]
-    off = [float(np.abs(near - peak).min()) for peak in peaks]
-    assert max(off) < 0.1
-    front = profile[(range_m > 0.3) & (range_m < near[0] - 0.2)]
-    assert not front.size or 10 * np.log10(profile[local].max() / front.max()) > 6.0, "no object is nearer than the first one"

@@ -1,12 +1,11 @@
-"""Reconstruct a real phone-LiDAR mesh (ARKit, y axis up, the lower metre of a room with a chair), label it, simulate a recording, and check
-the echo peaks.
-"""
+"""A real phone-LiDAR mesh (ARKit, the lower metre of a room with a chair) is reconstructed, labelled and simulated."""
 
 import csv
 
 import numpy as np
 import pytest
 import trimesh
+from ray_casting import first_hits
 from scipy.spatial import KDTree
 
 import radartwin as rt
@@ -123,18 +122,6 @@ def test_real_scan_becomes_a_processed_recording(chair, inside, tmp_path):
     assert len(list((tmp_path / "outputs" / "processed" / "chair").glob("*.png"))) >= 3
 
 
-def first_intersections(corners, starts, way):
-    """Return the distances (at most N,) of the first triangles (T, 3, 3) on lines from `starts` (N, 3) along the unit vector `way`."""
-    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        scale = 1 / np.sum(a * np.cross(way, b), axis=1)
-        away = starts[:, None] - corners[None, :, 0]
-        across = np.cross(away, a)
-        u, v, distance = np.sum(away * np.cross(way, b), axis=-1) * scale, across @ way * scale, np.sum(across * b, axis=-1) * scale
-    first = np.where((u >= 0) & (v >= 0) & (u + v <= 1) & (distance > 0), distance, np.inf).min(axis=1)
-    return first[np.isfinite(first)]
-
-
 @pytest.mark.parametrize(("side", "distance_m"), [("seat", 0.7), ("back", 0.6)])
 def test_strongest_return_is_at_the_side_that_faces_the_radar(scan, chair, side, distance_m):
     """The radar looks along the normal of a flat side of the chair. The expected range is the median of the first intersections of the scan
@@ -150,7 +137,8 @@ def test_strongest_return_is_at_the_side_that_faces_the_radar(scan, chair, side,
     aside = np.stack(np.meshgrid(*[np.arange(-0.06, 0.061, 0.01)] * 2), axis=-1).reshape(-1, 2)
     lines = pose[:3, 3] + aside[np.hypot(*aside.T) < 0.061] @ pose[:3, 1:3].T
     corners = scanned.triangles[np.linalg.norm(scanned.triangles_center - centre, axis=1) < 0.4]
-    expected = np.median(first_intersections(corners, lines, pose[:3, 0]))
+    distances = first_hits(lines, pose[:3, 0], corners)
+    expected = np.median(distances[np.isfinite(distances)])
 
     recording = rt.simulate(scene, rt.Radar.iwr1843(), pose[None], rays=200_000)
     spectrum = np.abs(np.fft.fft(recording.iq[0, 0, 0, 0] * np.hanning(256), 4096))

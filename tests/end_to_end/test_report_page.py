@@ -1,7 +1,4 @@
-"""The report page loads fast in a real browser and works offline, with the keyboard, on a phone screen, in print and without JavaScript.
-
-The tests write screenshots to outputs/screenshots of the checkout.
-"""
+"""The report page loads fast in a real browser and works offline, by keyboard, on a phone, in print and without JavaScript."""
 
 from __future__ import annotations
 
@@ -23,8 +20,6 @@ from radartwin.runs.experiment import Result
 
 WIDTH = 1280
 FOCUSABLE = "a[href], button, input, select, summary, iframe, [tabindex='0']"
-COLOURS = ("--ink", "--soft", "--accent", "--good", "--bad")
-READABLE = 4.5  # contrast of text, WCAG 2.2 level AA
 
 
 @pytest.fixture(scope="module")
@@ -181,31 +176,6 @@ def test_print_unfolds_everything(opened: browser.Page) -> None:
     assert pdf.count(b"/Subtype /Image") >= 5, "three rooms and two figures are on it"
     opened.call("Emulation.setEmulatedMedia", media="")
     assert opened.run("document.querySelectorAll('#environment details[open]').length") == 0, "folded again afterwards"
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_text_has_readable_contrast(opened: browser.Page, scheme: str) -> None:
-    opened.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
-    opened.screenshot(f"report_{scheme}")
-    read = "(n => getComputedStyle(document.documentElement).getPropertyValue(n).trim())"
-    for behind in ("--paper", "--raised"):
-        for colour in COLOURS:
-            found = contrast(opened.run(f"{read}('{colour}')"), opened.run(f"{read}('{behind}')"))
-            assert found >= READABLE, f"{colour} on {behind}, {scheme}: {found:.1f}"
-
-
-def contrast(first: str, second: str) -> float:
-    """Return the WCAG 2.2 contrast ratio of two colours that are written as #rgb or #rrggbb."""
-
-    def luminance(colour: str) -> float:
-        digits = colour.removeprefix("#")
-        digits = "".join(2 * one for one in digits) if len(digits) == 3 else digits
-        share = np.array([int(digits[k : k + 2], 16) for k in (0, 2, 4)]) / 255
-        linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-        return float(linear @ (0.2126, 0.7152, 0.0722))
-
-    low, high = sorted((luminance(first), luminance(second)))
-    return (high + 0.05) / (low + 0.05)
 
 
 def test_page_works_without_script(chromium: Callable[[], browser.Page], index: Path) -> None:

@@ -1,6 +1,4 @@
-"""The simulation uses the material labels in a scene folder, on the command line as in Python, unless the user selects another material
-source.
-"""
+"""The simulation uses the material labels in a scene folder, unless the user selects another material source."""
 
 from __future__ import annotations
 
@@ -66,12 +64,9 @@ def test_mesh_without_labels_needs_a_source(inside, scan: Path) -> None:
     assert done.returncode == 2
     assert "room.glb carries no material labels" in done.stderr
     assert "materials=uniform materials.material=NAME" in done.stderr
+    viewed = inside("view", scan)
+    assert viewed.returncode == 2
+    assert f"radartwin reconstruct {scan} --out FOLDER --material NAME" in viewed.stderr
+    assert "material=" not in viewed.stderr
     _, said = simulate(inside, "room.glb", "materials=uniform", "materials.material=concrete")
     assert "concrete on 1; materials=uniform" in said
-
-
-def test_view_of_a_mesh_names_the_command_that_makes_a_scene(inside, scan: Path) -> None:
-    done = inside("view", scan)
-    assert done.returncode == 2
-    assert f"radartwin reconstruct {scan} --out FOLDER --material NAME" in done.stderr
-    assert "material=" not in done.stderr

@@ -1,6 +1,4 @@
-"""`radartwin run --search` finds the setting with the highest value of a known function, resumes after an interruption, and names an
-unknown metric in its error.
-"""
+"""`radartwin run --search` finds the highest value of a known function, resumes, and names an unknown metric."""
 
 from __future__ import annotations
 

@@ -40,34 +40,15 @@ def test_every_page_of_the_documents_is_placed_and_its_formulas_are_drawn(builde
     assert "decisions/index.md" in (tmp_path / "index.md").read_text(), "a link to a folder leads to its list"
 
 
-def test_a_link_to_no_page_is_an_error(builder) -> None:
-    with pytest.raises(ValueError, match=r"README.md: the link absent.md leads to no page"):
-        builder["_link"]("absent.md", ROOT / "README.md", {ROOT / "README.md": Path("readme.md")})
-
-
-def test_only_an_earlier_site_or_an_empty_folder_is_overwritten(builder, tmp_path: Path) -> None:
-    used, site = tmp_path / "used", tmp_path / "site"
-    (used / "search").mkdir(parents=True)
-    (used / "page.md").write_text("kept")
-    (site / "search").mkdir(parents=True)
-    (site / "index.html").write_text("")
-    with pytest.raises(ValueError, match=r"used holds files and no earlier site"):
-        builder["build"](used, tmp_path / "pages", ("radartwin",), execute=False)
-    assert (used / "page.md").read_text() == "kept"
-    with pytest.raises(ValueError, match=r"page\.md is a file"):
-        builder["check_out"](used / "page.md")
-    (tmp_path / "empty").mkdir()
-    for allowed in (site, tmp_path / "empty", tmp_path / "new"):
-        assert builder["check_out"](allowed) == allowed.resolve()
-
-
-def test_a_wrong_folder_of_the_site_is_one_line(tmp_path: Path) -> None:
+def test_a_wrong_folder_of_the_site_is_one_line(builder, tmp_path: Path) -> None:
     (tmp_path / "page.md").write_text("kept")
     command = [sys.executable, str(SITE / "build.py"), "--out", str(tmp_path), "--no-execution"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (1, "", 1)
     assert "holds files and no earlier site" in done.stderr
     assert (tmp_path / "page.md").read_text() == "kept"
+    with pytest.raises(ValueError, match=r"page\.md is a file"):
+        builder["check_out"](tmp_path / "page.md")
 
 
 def test_formulas_outside_code_become_pictures(formulas, tmp_path: Path) -> None:
@@ -78,12 +59,9 @@ def test_formulas_outside_code_become_pictures(formulas, tmp_path: Path) -> None
         assert kept in out
     with pytest.raises(ValueError, match="cannot be drawn"):
         formulas["draw"](r"\\nosuchcommand{x}")
-
-
-def test_a_fraction_is_taller_than_a_letter_and_hangs_below_the_line(formulas) -> None:
     (_, depth, height), (_, letter_depth, letter_height) = formulas["draw"](r"\frac1{2\pi}"), formulas["draw"]("x")
-    assert height > 1.5 * letter_height
-    assert depth > letter_depth
+    assert height > 1.5 * letter_height, "a fraction is taller than a letter"
+    assert depth > letter_depth, "a fraction hangs below the line"
 
 
 # MkDocs, its plugins and the notebook's kernel warn of their own deprecations.

@@ -18,12 +18,6 @@ print(json.dumps({"peak_m": peak_m, "agreement": agreement, "near_db": float(10 
 """
 
 
-def test_the_notebook_is_kept_without_what_it_printed() -> None:
-    notebook = nbformat.read(NOTEBOOK, as_version=4)
-    nbformat.validate(notebook)
-    assert all(not cell.outputs and cell.execution_count is None for cell in notebook.cells if cell.cell_type == "code")
-
-
 # The kernel uses its own loopback sockets; zmq and tornado may warn about the event loop.
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::RuntimeWarning", "ignore::ResourceWarning")
 def test_the_tutorial_shows_what_it_says(tmp_path: Path) -> None:

@@ -1,6 +1,4 @@
-"""Provide strategies of the test package Hypothesis that change a valid file: its bytes, the words and lines of a text, or the values of a
-JSON tree.
-"""
+"""Hypothesis strategies that change a valid file: its bytes, the words and lines of a text, or the values of a JSON tree."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""For any content of a file, the function that reads it returns a value or raises a UserError with a one-line message, within a time limit.
-
-Each test case is a folder in which one file is changed by the strategies of changes.py. The quick test cases are the file formats that
-other people's programs write.
-"""
+"""Whatever a file holds, its reader returns a value or raises a UserError of one line in time. Quick cases: foreign formats."""
 
 from __future__ import annotations
 

@@ -47,22 +47,25 @@ def cores_beside(others: int, folder: Path) -> int:
         wait_until(lambda: len(list(folder.glob(f"*.{step}"))) == 1 + others)
 
     together("begun")
-    found = cores()
+    count = cores()
     together("counted")
-    return found
+    return count
 
 
 def mark() -> None:
     os.environ["PREPARED"] = "1"
 
 
-def test_a_worker_is_prepared_and_knows_that_it_is_a_worker() -> None:
+def test_a_worker_is_prepared_and_knows_that_it_is_a_worker_and_its_death_breaks_the_pool() -> None:
     pool = ProcessPool(1, mark)
     assert pool.submit(os.getenv, "PREPARED").result() == "1"
     assert pool.submit(in_worker).result()
     assert not in_worker()
     pids = pool.pids
     assert pids == {pool.submit(os.getpid).result()}
+    for call in (die, os.getpid):
+        with pytest.raises(BrokenProcessPool):
+            pool.submit(call).result()
     pool.end()
     assert not any(map(runs, pids))
 
@@ -73,15 +76,6 @@ def test_workers_that_compute_at_the_same_time_share_the_cores(tmp_path: Path) -
     assert [call.result() for call in both] == [max(1, cores() // 2)] * 2
     (tmp_path / "alone").mkdir()
     assert pool.submit(cores_beside, 0, tmp_path / "alone").result() == cores()
-    pool.end()
-
-
-def test_a_dead_worker_breaks_the_pool() -> None:
-    pool = ProcessPool(1)
-    with pytest.raises(BrokenProcessPool):
-        pool.submit(die).result()
-    with pytest.raises(BrokenProcessPool):
-        pool.submit(os.getpid).result()
     pool.end()
 
 

@@ -1,17 +1,14 @@
-"""RadarTwin refuses malicious files with a one-line message. RadarTwin runs no code from a malicious file, and reads and writes no file
-outside the folder of this file.
-
-All files in these tests are well formed. The file test_fuzz.py tests damaged files.
-"""
+"""Well-formed malicious files run no code, reach no file outside their folder, and are refused in one line."""
 
 from __future__ import annotations
 
-import ast
 import hashlib
 import json
 import pickle
+import re
 import subprocess
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -63,35 +60,20 @@ def mark(tmp_path: Path) -> Iterator[Path]:
     assert not path.exists(), "the code of the attack has run"
 
 
-# --- code ---------------------------------------------------------------------------------------------------------------
-
-FORBIDDEN = {"pickle", "cPickle", "dill", "cloudpickle", "joblib", "shelve", "marshal", "tarfile"}
-CALLS = {"eval", "exec", "compile", "__import__"}
+FORBIDDEN = re.compile(
+    r"^\s*(?:import|from)\s+(?:pickle|cPickle|dill|cloudpickle|joblib|shelve|marshal|tarfile)\b"
+    r"|(?<![\w.])(?<!def )(?:eval|exec|compile|__import__)\(|\b(?:torch\.load|pyfunc\.load_model|os\.system|os\.popen)\b|\bshell=(?!False)"
+    r"|\btrust_remote_code\b|\bnp\.load\((?!.*allow_pickle=False)|\byaml\.\w*load\w*\((?!.*loader)"
+    r"|Model\w*\.from_pretrained\((?!.*use_safetensors=True)",
+    re.MULTILINE,
+)
 
 
 @pytest.mark.parametrize("package", ["radartwin", "experiments", "analysis"])
 def test_no_module_unpickles_evaluates_text_or_calls_a_shell(package: str) -> None:
     for path in sorted((ROOT / package).rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            where = f"{path.relative_to(ROOT)}:{getattr(node, 'lineno', 0)}"
-            if isinstance(node, ast.Import | ast.ImportFrom):
-                names = {alias.name.partition(".")[0] for alias in node.names} | {str(getattr(node, "module", "")).partition(".")[0]}
-                assert not names & FORBIDDEN, where
-            if not isinstance(node, ast.Call):
-                continue
-            called = ast.unparse(node.func)
-            given = {keyword.arg: ast.unparse(keyword.value) for keyword in node.keywords}
-            assert called not in CALLS, where
-            assert given.get("shell", "False") == "False", where
-            if called in ("np.load", "numpy.load"):
-                assert given.get("allow_pickle") == "False", where
-            if called.startswith("yaml.") and "load" in called:
-                assert called == "yaml.load", where
-                assert "loader" in ast.unparse(node.args[1]), where
-            if called.endswith(".from_pretrained") and "Model" in called:
-                assert given.get("use_safetensors") == "True", where
-            assert called not in ("torch.load", "pyfunc.load_model", "mlflow.pyfunc.load_model", "os.system", "os.popen"), where
-            assert "trust_remote_code" not in given, where
+        forbidden = FORBIDDEN.search(path.read_text(encoding="utf-8"))
+        assert not forbidden, f"{path.relative_to(ROOT)}: {forbidden and forbidden[0]}"
 
 
 def test_arrays_of_objects_are_not_unpickled(tmp_path: Path, mark: Path) -> None:
@@ -150,9 +132,6 @@ def test_known_launchers_and_their_keys_are_accepted() -> None:
     assert composer.launching(["hydra/launcher=joblib", "hydra.launcher.n_jobs=3"]) == ("joblib", {"n_jobs": 3}, "")
     slurm = composer.launching(["hydra/launcher=slurm", *(f"hydra.launcher.{key}" for key in keys)])[1]
     assert (slurm["partition"], slurm["gpus_per_node"], slurm["mem_gb"], slurm["timeout_min"]) == ("gpu", 1, 32, 240)
-
-
-# --- files elsewhere ----------------------------------------------------------------------------------------------------
 
 
 def frame_index(folder: Path, name: str) -> None:
@@ -252,12 +231,7 @@ def test_a_foreign_cache_cannot_name_files_outside_its_folder(name: str, tmp_pat
         report_verb(tmp_path)
 
 
-# --- pages and terminals ------------------------------------------------------------------------------------------------
-
-
 def test_names_of_a_scene_are_escaped_in_its_page(tmp_path: Path) -> None:
-    from dataclasses import replace
-
     nasty = "</script><script>alert(1)</script>"
     surfaces = [replace(surface, name=nasty, provenance={"source": nasty}) for surface in rooms.lab().surfaces[:2]]
     view(Scene(surfaces, {"room": nasty}), tmp_path / "view.html")

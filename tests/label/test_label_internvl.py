@@ -1,6 +1,4 @@
-"""Test the class `InternVL`, which asks a local vision-language model about materials, with a tiny model of random weights, whose answers
-are random tokens.
-"""
+"""The class `InternVL`, which asks a local vision-language model, with a tiny model of random weights."""
 
 from __future__ import annotations
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from ray_casting import first_hits
 from trimesh import Trimesh
 from trimesh.visual import ColorVisuals, TextureVisuals
 
@@ -53,33 +54,13 @@ def eye_at(position: list[float], target: list[float], width: int = 640, height:
     return square.part(-0.5, (width - height) / 2 - 0.5, width - 0.5, (width + height) / 2 - 0.5, width, height)
 
 
-def nearest(eye: np.ndarray, rays: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Return the ray parameters (N,) at which the rays first meet one of the triangles (T, 3, 3) (T. Moeller, B. Trumbore 1997), and inf
-    for rays that meet none.
-    """
-    a, b, c = triangles.transpose(1, 0, 2)
-    first, second = b - a, c - a
-    out = np.full(len(rays), np.inf)
-    for k, ray in enumerate(rays):
-        across = np.cross(ray, second)
-        determinant = (first * across).sum(1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            u = ((eye - a) * across).sum(1) / determinant
-            other = np.cross(eye - a, first)
-            v = (other @ ray) / determinant
-            t = (other * second).sum(1) / determinant
-        hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0.05)
-        out[k] = t[hit].min(initial=np.inf)
-    return out
-
-
 def test_depth_agrees_with_an_independent_ray_caster() -> None:
     scene = rooms.lab(detail="furnished")
     camera = Camera.looking(np.array([1.0, 0.3, 1.2]), np.array([5.0, -0.4, 0.9]), 70, 48)
     seen = Drawing(scene).seen(camera)
     rows, columns = np.indices(seen.depth.shape)
     rays = np.stack([columns, rows, np.ones(seen.depth.shape)], -1).reshape(-1, 3) @ np.linalg.inv(camera.intrinsics).T
-    depth = nearest(camera.pose[:3, 3], rays @ camera.pose[:3, :3].T, np.concatenate([s.mesh.triangles for s in scene]))
+    depth = first_hits(camera.pose[:3, 3], rays @ camera.pose[:3, :3].T, np.concatenate([s.mesh.triangles for s in scene]), least=0.05)
     same = np.isclose(depth.reshape(seen.depth.shape), seen.depth, atol=1e-4)
     assert same.mean() > 0.995, "all but rays along edges"
 

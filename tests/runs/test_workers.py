@@ -56,39 +56,29 @@ def test_few_items_start_no_worker() -> None:
     assert workers.each(product, [], 2) == []
 
 
-def test_reused_workers_do_the_next_task_and_end_afterwards() -> None:
+def test_reused_workers_do_the_next_task_unless_they_died_hold_much_memory_or_have_old_run_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    def slow_pids(fresh: bool) -> set[int]:
+        worker_pids: set[int] = set()
+        waiting = iter([()] * 4)
+        workers.run(slow_pid, lambda _: next(waiting, None), worker_pids.add, 2, fresh)
+        return worker_pids
+
     with workers.reused():
         both = pids() | pids()
         assert len(both) <= 2
-        assert all(runs(pid) for pid in both)
-    assert not any(runs(pid) for pid in both)
-    assert pids().isdisjoint(both)
-
-
-def test_workers_that_hold_much_memory_are_not_reused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "IDLE_BYTES", 1.0)
-    with workers.reused():
-        assert pids().isdisjoint(pids())
-
-
-def test_workers_that_died_while_they_waited_are_replaced() -> None:
-    with workers.reused():
-        for pid in pids():
+        assert all(map(runs, both))
+        for pid in both:
             os.kill(pid, signal.SIGKILL)
         time.sleep(0.2)
         assert [value for value, _ in workers.each(product, ITEMS, 2)] == [one * other for one, other in ITEMS]
-
-
-def test_run_times_are_measured_in_fresh_workers() -> None:
-    def used(fresh: bool) -> set[int]:
-        found: set[int] = set()
-        waiting = iter([()] * 4)
-        workers.run(slow_pid, lambda _: next(waiting, None), found.add, 2, fresh)
-        return found
-
-    with workers.reused():
-        before = used(False)
-        assert used(True).isdisjoint(before)
+        before = slow_pids(fresh=False)
+        assert slow_pids(fresh=True).isdisjoint(before), "run times are measured in fresh workers"
+        with monkeypatch.context() as patched:
+            patched.setattr(workers, "IDLE_BYTES", 1.0)
+            assert pids().isdisjoint(pids())
+        both = pids()
+    assert not any(map(runs, both))
+    assert pids().isdisjoint(both)
 
 
 def slow_pid() -> int:
@@ -97,9 +87,9 @@ def slow_pid() -> int:
 
 
 def test_each_worker_gets_calls_by_its_number() -> None:
-    waiting, found = {0: [(0, 0)] * 3, 1: [(1, 0)] * 3}, []
-    workers.run(product_slowly, lambda worker: waiting[worker].pop() if waiting[worker] else None, found.append, 2)
-    assert sorted(found) == [0, 0, 0, 1, 1, 1]
+    waiting, numbers = {0: [(0, 0)] * 3, 1: [(1, 0)] * 3}, []
+    workers.run(product_slowly, lambda worker: waiting[worker].pop() if waiting[worker] else None, numbers.append, 2)
+    assert sorted(numbers) == [0, 0, 0, 1, 1, 1]
 
 
 def product_slowly(one: int, other: int) -> int:
@@ -122,20 +112,22 @@ def test_products_that_workers_build_are_counted_in_the_parent(tmp_path: Path) -
     assert str(counts) == "simulated 0, reused 4, scored 0"
 
 
-@pytest.mark.parametrize(
-    ("function", "argument", "error", "message"),
-    [
-        (failing, "refused", ConfigError, "^number 3 is refused$"),
-        (broken, 0, ZeroDivisionError, "^division by zero$"),
-        (killed, signal.SIGKILL, BackendError, r"worker process ended unexpectedly, perhaps because memory ran out.*jobs=1"),
-        (failing, "hungry", BackendError, r"ran out of memory \(unable to allocate 8 TiB\).*jobs=1"),
-    ],
+ERRORS = (
+    (failing, "refused", ConfigError, "^number 3 is refused$"),
+    (broken, 0, ZeroDivisionError, "^division by zero$"),
+    (killed, signal.SIGKILL, BackendError, r"worker process ended unexpectedly, perhaps because memory ran out.*jobs=1"),
+    (failing, "hungry", BackendError, r"ran out of memory \(unable to allocate 8 TiB\).*jobs=1"),
 )
-def test_an_error_in_a_worker_is_raised_in_the_parent_and_ends_all_workers(function, argument, error, message: str) -> None:
+
+
+def test_an_error_in_a_worker_is_raised_in_the_parent_and_ends_all_workers() -> None:
     with workers.reused():
         before = pids()
-        with pytest.raises(error, match=message) as raised:
-            workers.each(function, [(number, argument) for number in range(6)], 2)
-        if error is ZeroDivisionError:
-            assert "in broken" in str(raised.value.__cause__), "the worker's traceback is lost"
-        assert pids().isdisjoint(before)
+        for function, argument, error, message in ERRORS:
+            with pytest.raises(error, match=message) as raised:
+                workers.each(function, [(number, argument) for number in range(6)], 2)
+            if error is ZeroDivisionError:
+                assert "in broken" in str(raised.value.__cause__), "the worker's traceback is lost"
+            after = pids()
+            assert after.isdisjoint(before)
+            before = after

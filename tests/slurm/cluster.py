@@ -1,9 +1,4 @@
-"""Start a SLURM cluster of one node on the loopback interface: munged, slurmctld and slurmd from Debian's packages, with all files in one
-folder.
-
-with cluster(folder) as environment:
-    subprocess.run(["srun", "hostname"], env=environment)
-"""
+"""Start a SLURM cluster of one node on the loopback interface from Debian's packages, with all files in one folder."""
 
 from __future__ import annotations
 

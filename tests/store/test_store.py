@@ -1,6 +1,4 @@
-"""A stored result is complete or absent. The store computes each result once, also if several processes ask for it, and computes it again
-after a failure or a kill.
-"""
+"""A stored result is complete or absent, is computed once by all processes, and again after a failure or a kill."""
 
 from __future__ import annotations
 
@@ -24,13 +22,13 @@ from radartwin.store.products import Store, counting, save_arrays, save_json
 ROOTS = ["radartwin.constants"]
 
 
-def one(folder: Path) -> None:
+def write(folder: Path) -> None:
     save_arrays(folder, {"x": np.arange(4.0)})
     save_json(folder, "note", {"a": 1})
 
 
 def test_a_product_is_built_once_and_read_back(tmp_path: Path) -> None:
-    first = Store(tmp_path).fetch("recording", {"seed": 1}, ROOTS, one)
+    first = Store(tmp_path).fetch("recording", {"seed": 1}, ROOTS, write)
     store = Store(tmp_path)
     with counting() as counts:
         again = store.fetch("recording", {"seed": 1}, ROOTS, lambda folder: pytest.fail("built twice"))
@@ -61,7 +59,7 @@ def test_a_failed_build_leaves_no_files_and_is_repeated(tmp_path: Path) -> None:
     with pytest.raises(RuntimeError, match="solver"):
         store.fetch("recording", {}, ROOTS, fails)
     assert list((tmp_path / "recording").iterdir()) == []
-    assert not store.fetch("recording", {}, ROOTS, one).reused
+    assert not store.fetch("recording", {}, ROOTS, write).reused
 
 
 KILLED = """
@@ -90,7 +88,7 @@ def test_the_rest_of_a_killed_process_is_removed_and_built_again(tmp_path: Path)
         process.wait()
     store = Store(tmp_path)
     assert list(tmp_path.rglob("*.tmp")) == []
-    product = store.fetch("recording", {}, ROOTS, one)
+    product = store.fetch("recording", {}, ROOTS, write)
     assert sorted(p.name for p in product.path.iterdir()) == ["arrays.npz", "meta.json", "note.json"]
     assert [p.name for p in (tmp_path / "recording").iterdir()] == [product.key]
 
@@ -100,7 +98,7 @@ def build_slowly(root: Path, log: Path) -> None:
         with log.open("a") as stream:
             stream.write("built\n")
         time.sleep(0.5)
-        one(folder)
+        write(folder)
 
     Store(root).fetch("recording", {}, ROOTS, build)
 
@@ -108,12 +106,12 @@ def build_slowly(root: Path, log: Path) -> None:
 def test_concurrent_processes_build_a_product_once(tmp_path: Path) -> None:
     log = tmp_path / "log"
     context = multiprocessing.get_context("spawn")
-    processes = [context.Process(target=build_slowly, args=(tmp_path / "cache", log)) for _ in range(3)]
+    processes = [context.Process(target=build_slowly, args=(tmp_path / "cache", log)) for _ in range(2)]
     for process in processes:
         process.start()
     for process in processes:
         process.join(60)
-    assert [process.exitcode for process in processes] == [0, 0, 0]
+    assert [process.exitcode for process in processes] == [0, 0]
     assert log.read_text() == "built\n"
     assert len(list((tmp_path / "cache" / "recording").iterdir())) == 1
 
@@ -124,27 +122,30 @@ def test_an_impossible_output_folder_is_named(tmp_path: Path) -> None:
         Store(tmp_path / "file" / "cache")
 
 
-def test_a_start_removes_only_abandoned_files_of_radartwin(tmp_path: Path) -> None:
+def test_a_start_removes_only_abandoned_files_of_radartwin_whatever_their_dates(tmp_path: Path) -> None:
+    """Dates are wrong after a clock error or after a plain copy of the folder, so the store must not compare them."""
+    Store(tmp_path).fetch("recording", {}, ROOTS, write)
     dead = subprocess.Popen([sys.executable, "-c", ""])
     dead.wait()
-    ours = f".table.csv.radartwin-{os.getpid()}.tmp"
     others = ["thesis.tmp", f".table.csv.{dead.pid}.tmp", ".a.radartwin-99999999999999999999.tmp", "data.tmp/x", "run/empty.tmp/x"]
-    kept = [tmp_path / name for name in (ours, *others)]
-    kept.insert(0, tmp_path / f".table.csv.radartwin-another-machine-{dead.pid}.tmp")
-    gone = tmp_path / f".table.csv.radartwin-{socket.gethostname()}-{dead.pid}.tmp"
-    for path in [*kept, gone]:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text("")
-    kept[-1].unlink()
-    kept[-1] = kept[-1].parent
+    others += [f".table.csv.radartwin-{os.getpid()}.tmp", f".table.csv.radartwin-another-machine-{dead.pid}.tmp"]
+    abandoned = [f".table.csv.radartwin-{socket.gethostname()}-{dead.pid}.tmp", f".table.csv.radartwin-{dead.pid}.tmp"]
+    half = f"recording/.{'a' * 32}"
+    abandoned += [f"{half}.lock", f"{half}.radartwin-{socket.gethostname()}-{dead.pid}.tmp/arrays"]
+    for name in [*others, *abandoned]:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    (tmp_path / "run/empty.tmp/x").unlink()
+    for path in tmp_path.rglob("*"):
+        os.utime(path, (4e9, 4e9))  # in the year 2096
     files.sweep(tmp_path)
-    Store(tmp_path)
-    assert all(path.exists() for path in kept)
-    assert not gone.exists()
+    assert Store(tmp_path).fetch("recording", {}, ROOTS, write).reused
+    assert all((tmp_path / name).exists() for name in (*others[:4], "run/empty.tmp", *others[5:]))
+    assert not [name for name in abandoned if (tmp_path / name).exists()]
 
 
 def test_a_damaged_product_is_reported_and_built_again(tmp_path: Path) -> None:
-    product = Store(tmp_path).fetch("recording", {}, ROOTS, one)
+    product = Store(tmp_path).fetch("recording", {}, ROOTS, write)
     note = product.path / "note.json"
     same_size = lambda: note.write_text(note.read_text().replace("1", "2"))  # noqa: E731
     private = tmp_path / "private"
@@ -154,60 +155,35 @@ def test_a_damaged_product_is_reported_and_built_again(tmp_path: Path) -> None:
         damage()
         lines: list[str] = []
         store = Store(tmp_path, lines.append)
-        assert not store.fetch("recording", {}, ROOTS, one).reused
+        assert not store.fetch("recording", {}, ROOTS, write).reused
         assert [line.partition(" (")[0] for line in lines] == [f"recording {product.key[:8]} in the cache is damaged"]
-        assert store.fetch("recording", {}, ROOTS, one).arrays()["x"].tolist() == [0, 1, 2, 3]
+        assert store.fetch("recording", {}, ROOTS, write).arrays()["x"].tolist() == [0, 1, 2, 3]
     assert private.read_text() == "of the user"
 
 
 METADATA = (
-    "",
-    "[" * 200_000,
-    "[]",
-    '{"bytes": 5}',
-    '{"bytes": {"x.npz": 0}}',
-    '{"bytes": {"../../x": 1}}',
+    "", "[" * 200_000, "[]", '{"bytes": 5}', '{"bytes": {"x.npz": 0}}', '{"bytes": {"../../x": 1}}',
     '{"bytes": {}, "sha256": {"gone.npz": "0"}}',
-)
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("damage", METADATA, ids=lambda text: text[:12] or "empty")
 def test_a_product_with_damaged_metadata_is_built_again(damage: str, tmp_path: Path) -> None:
-    product = Store(tmp_path).fetch("recording", {}, ROOTS, one)
+    product = Store(tmp_path).fetch("recording", {}, ROOTS, write)
     (product.path / "meta.json").write_text(damage)
     lines: list[str] = []
-    assert not Store(tmp_path, lines.append).fetch("recording", {}, ROOTS, one).reused
+    assert not Store(tmp_path, lines.append).fetch("recording", {}, ROOTS, write).reused
     assert "damaged" in lines[0]
-    assert Store(tmp_path).fetch("recording", {}, ROOTS, one).reused
+    assert Store(tmp_path).fetch("recording", {}, ROOTS, write).reused
 
 
 def test_a_file_folder_or_link_in_place_of_a_product_is_replaced(tmp_path: Path) -> None:
-    path, elsewhere = Store(tmp_path).fetch("recording", {}, ROOTS, one).path, tmp_path / "elsewhere"
+    path, elsewhere = Store(tmp_path).fetch("recording", {}, ROOTS, write).path, tmp_path / "elsewhere"
     elsewhere.mkdir()
     (elsewhere / "of the user").touch()
     for put in (path.touch, path.mkdir, lambda: path.symlink_to(elsewhere), lambda: path.symlink_to(tmp_path / "nowhere")):
         shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
         put()
-        assert not Store(tmp_path).fetch("recording", {}, ROOTS, one).reused
-        assert Store(tmp_path).fetch("recording", {}, ROOTS, one).arrays()["x"].tolist() == [0, 1, 2, 3]
+        assert not Store(tmp_path).fetch("recording", {}, ROOTS, write).reused
+        assert Store(tmp_path).fetch("recording", {}, ROOTS, write).arrays()["x"].tolist() == [0, 1, 2, 3]
     assert (elsewhere / "of the user").exists()
-
-
-def test_dates_of_files_do_not_matter(tmp_path: Path) -> None:
-    """The store must not compare file dates, because dates are wrong after a clock error or after a plain copy of the folder."""
-    Store(tmp_path).fetch("recording", {}, ROOTS, one)
-    dead = subprocess.Popen([sys.executable, "-c", ""])
-    dead.wait()
-    abandoned = tmp_path / "recording" / f".{'a' * 32}.radartwin-{socket.gethostname()}-{dead.pid}.tmp"
-    (abandoned / "arrays").mkdir(parents=True)
-    lock = tmp_path / "recording" / f".{'a' * 32}.lock"
-    lock.touch()
-    left = tmp_path / f".table.csv.radartwin-{dead.pid}.tmp"
-    left.touch()
-    for path in tmp_path.rglob("*"):
-        os.utime(path, (4e9, 4e9))  # in the year 2096
-    files.sweep(tmp_path)
-    assert Store(tmp_path).fetch("recording", {}, ROOTS, one).reused
-    assert not abandoned.exists()
-    assert not lock.exists()
-    assert not left.exists()

@@ -1,6 +1,4 @@
-"""Tests of the simulated slow drift of a room: its size, its speed, and the error of interpolating signals between traced states of the
-room.
-"""
+"""The slow drift of a room: its size, its speed, and the error of interpolating signals between traced states."""
 
 from __future__ import annotations
 

@@ -63,13 +63,7 @@ def courses():
 
 
 def test_rover_start_and_path_errors_have_the_described_spread(courses):
-    """The start position of the simulated rover has a random error with a standard deviation of 10 mm per axis.
-
-    The length of a path of 1 m has an error of 1.30 %, half of whose variance at each moment comes from constant wheel slip and half from
-    changing slip. The constant wheel slip contributes a length error of 1.06 %. The changing wheel slip is averaged over the path, which
-    multiplies its length error by sqrt(2 l/L - 2 (l/L)^2 (1 - exp(-L/l))), with the correlation length l = 0.3 m and the path length L.
-    Ripple adds at most 0.5 mm.
-    """
+    """Half of the variance of a slip of 1.5 % is constant. A path averages the other half, with the correlation length 0.3 m."""
     start = courses[:, 0, :2, 3] - SWEEP[0, :2, 3]
     assert start.std() == pytest.approx(0.01, rel=0.1)
     assert np.abs(start.mean(axis=0)).max() < 1.5e-3
@@ -92,30 +86,27 @@ def test_rover_heading_and_height_errors_have_the_described_spread(courses):
     assert abs(far) < 0.15
 
 
-def test_rover_ripple_has_the_period_of_a_wheel():
-    """The strongest spectral line of the rover's path error has an amplitude of 0.5 mm and the period of a wheel, 251 mm."""
-    errors = RoverErrors(slip=0, start_m=0, heading_deg=0, drift_deg_per_m=0, bob_m=0)
+RIPPLE = RoverErrors(slip=0, start_m=0, heading_deg=0, drift_deg_per_m=0, bob_m=0)
+GONE_M = 0.02 * np.minimum(np.arange(49), 48 - np.arange(49))
+THERE_AND_BACK = trajectory.at_distances(trajectory.pose([0, 0, 0.4]), [1, 0, 0], GONE_M)
+
+
+def test_rover_ripple_has_the_period_of_a_wheel_and_repeats_on_the_way_back():
+    """The strongest spectral line of the rover's path error has an amplitude of 0.5 mm and the period of a wheel, 251 mm. Without slip, the
+    error of a drive there and back depends only on the nominal position, because the wheels turn back.
+    """
     long = trajectory.rail(trajectory.pose([0, 0, 0.4]), [1, 0, 0], 10 * np.pi * 0.08, 1001)
-    error = (rover(long, errors, rng(1)) - long)[:-1, 0, 3]
+    error = (rover(long, RIPPLE, rng(1)) - long)[:-1, 0, 3]
     lines = np.abs(np.fft.rfft(error - error.mean())) / 500
     assert np.argmax(lines) == 10
     assert lines[10] == pytest.approx(0.5e-3, rel=0.01)
-
-
-def test_rover_ripple_repeats_on_the_way_back():
-    """Without slip, the position error of a drive there and back depends only on the nominal position, because the wheels turn back."""
-    errors = RoverErrors(slip=0, start_m=0, heading_deg=0, drift_deg_per_m=0, bob_m=0)
-    gone = 0.02 * np.minimum(np.arange(49), 48 - np.arange(49))
-    nominal = trajectory.at_distances(trajectory.pose([0, 0, 0.4]), [1, 0, 0], gone)
-    error = (rover(nominal, errors, rng(1)) - nominal)[:, 0, 3]
+    error = (rover(THERE_AND_BACK, RIPPLE, rng(1)) - THERE_AND_BACK)[:, 0, 3]
     assert np.ptp(error) > 0.5e-3
     np.testing.assert_allclose(error, error[::-1], atol=1e-12)
 
 
 def test_rover_there_and_back_ends_near_its_start():
-    gone = 0.02 * np.minimum(np.arange(49), 48 - np.arange(49))
-    nominal = trajectory.at_distances(trajectory.pose([0, 0, 0.4]), [1, 0, 0], gone)
-    ends = np.array([rover(nominal, RoverErrors(start_m=0), rng(s))[-1, :3, 3] - nominal[-1, :3, 3] for s in range(400)])
+    ends = np.array([(rover(THERE_AND_BACK, RoverErrors(start_m=0), rng(s)) - THERE_AND_BACK)[-1, :3, 3] for s in range(400)])
     # constant slip cancels; changing slip of 1.06 % with a correlation length of 0.3 m leaves some millimetres
     assert 1e-3 < ends[:, 0].std() < 0.0106 * 0.96
 
@@ -127,12 +118,7 @@ def test_resting_rover_does_not_move():
 
 
 def test_turntable_angle_errors_have_the_described_spread():
-    """The angle error of the simulated turntable has a standard deviation of 5 degrees at the start. Because the rotation speed has an
-    error of 1 %, the angle error changes over one revolution, and this change has a standard deviation of 2.9 degrees.
-
-    Half of the variance of the speed error changes within a fifth of a revolution. The ripple of the turntable angle repeats in every
-    revolution.
-    """
+    """Half of the variance of the speed error of 3.6 degrees per revolution changes within a fifth of a revolution. The ripple repeats."""
     nominal = np.linspace(0, 2 * np.pi, 251)
     off = np.degrees([turntable_angles(nominal, TurntableErrors(), rng(s)) for s in range(800)])
     assert off[:, 0].std() == pytest.approx(5.0, rel=0.1)
@@ -182,9 +168,7 @@ def test_poses_at_other_times_follow_the_nominal_course():
 
 
 def test_rail_errors_have_the_described_spread_along_the_rail():
-    """The rail has a position error of 2 mm at the start, and an additional error of 0.5 % of the path at the end. The position errors of
-    the rail are along the rail only, and the rail has no rotation error.
-    """
+    """The error is 2 mm at the start and 0.5 % of the path more at the end, along the rail only, without rotation."""
     slide = np.tile(np.eye(4), (61, 1, 1))
     slide[:, :2, 3] = np.linspace(0, 0.6, 61)[:, None] * np.sqrt([0.5, 0.5])
     assert not turns(slide)

@@ -60,9 +60,7 @@ def test_clutter_is_present_and_has_moved():
 
 
 def test_layer_deviations_have_the_described_spread():
-    """Over many random versions of one wall, the standard deviations are 5 % of the layer thickness, 10 % of the permittivity, and 0.5 of
-    the logarithm of the loss.
-    """
+    """5 % of the layer thickness, 10 % of the permittivity, and 0.5 of the logarithm of the loss."""
     wall = rt.Scene([s for s in LAB if s.name == "wall_front"])
     found = []
     for seed in range(400):
@@ -124,9 +122,7 @@ def test_vessel_with_headspace_echoes_like_a_full_one():
 
 
 def test_gaps_draw_independently():
-    """If a further deviation of the testbed is switched on with the same seed, the random values of the deviations that were already on do
-    not change.
-    """
+    """A further gap does not change the random values of those that were already on with the same seed."""
     one, two = truth(LAB, only(materials=1.0, clutter=1.0), 5), truth(LAB, only(materials=1.0, clutter=1.0, roughness=1.0), 5)
     assert materials(one) == materials(two)
     motion, sweep = {"plate": TURNING["plate"]}, np.eye(4)[None]

@@ -1,6 +1,4 @@
-"""The simulation used as measurement and the simulation of the scanned room are independent, as shown by their imports and by the stored
-results that the strength of a deviation changes.
-"""
+"""Truth and twin are independent in their imports and in the stored results that each gap of the testbed changes."""
 
 from dataclasses import fields, replace
 from pathlib import Path
