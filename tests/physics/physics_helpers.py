@@ -32,8 +32,8 @@ def tube_hits(meshes, table, start, end=None, *, width=WAVELENGTH / 4, cross=Fal
     built, axes = geometry.build(meshes), np.repeat(UP, len(start), axis=0)
     grid = tube_grid.towards(built.hull_points(), start, built.centre, width, built.grid_shift)
     assert grid is not None
-    ends = (Antennas(places, axes, cross) for places in (start, start if end is None else end))
-    return tubes.trace(built, table, grid, *ends, options or TraceOptions(1))
+    sender, receiver = (Antennas(places, axes, cross) for places in (start, start if end is None else end))
+    return tubes.trace(built, table, grid, sender, receiver, options or TraceOptions(1))
 
 
 def relative_error(ours, exact):

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from numpy.typing import ArrayLike
 from physics_helpers import relative_error
 from scipy.spatial.transform import Rotation
 
@@ -32,7 +33,7 @@ MISSED = {"plate": (5.0, 0.27)}
 TURNED = 0.02  # largest change if scene and radar turn together
 
 
-def sheet(origin: tuple, u: tuple, v: tuple) -> trimesh.Trimesh:
+def sheet(origin: ArrayLike, u: ArrayLike, v: ArrayLike) -> trimesh.Trimesh:
     """Return a rectangle from `origin` along its sides `u` and `v`."""
     o, u_, v_ = (np.array(x, float) for x in (origin, u, v))
     return trimesh.Trimesh([o, o + u_, o + u_ + v_, o + v_], [[0, 1, 2], [0, 2, 3]], process=False)
