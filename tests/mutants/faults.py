@@ -186,6 +186,8 @@ _intervals | place[n, 0] - right[row, count[row] - 1, 0] < narrowest | True | th
 simulation/flat/shadows: physics/test_silhouette
 factors | sensor + NUDGE / wavenumber | sensor | a line over an edge has no factor
 _waves | value if side > 0 else -value | -value if side > 0 else value | edge waves have the wrong sign
+
+simulation/flat/shadows: physics/test_objects_before_walls
 _path | part[0, e] * onwards | part[0, e] | later lines do not shadow the edge waves of earlier lines
 
 simulation/flat/legs: physics/test_shadows

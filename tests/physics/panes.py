@@ -1,6 +1,8 @@
-"""Compute the transmission of panes by characteristic matrices, independently of the package, for the time factor exp(+j omega t)."""
+"""Reflection and transmission of stacks, independently of the package, for the time factor exp(+j omega t)."""
 
 import numpy as np
+
+from radartwin import materials
 
 C = 299_792_458.0
 EPS0 = 8.8541878128e-12
@@ -20,27 +22,36 @@ PANES = {
 
 
 def permittivity(name, f):
-    if name == "air":
-        return 1.0 + 0j
     if name == "hdpe":
         return 2.31 * (1 - 0.0003j)
+    if name not in FITS:
+        return complex(materials.permittivity(name, f))
     real, c, d = FITS[name]
     return real - 1j * c * (f / 1e9) ** d / (2 * np.pi * f * EPS0)
 
 
-def transmitted(layers, cosine, f):
-    """Return (te, tm): the field behind a pane over the field there without the pane (M. Born, E. Wolf, Principles of Optics, 1.6)."""
+def tangential(layers, backing, cosine, f, parallel):
+    """Return reflection and transmission of the tangential electric field: layers of (permittivity, thickness) before a half-space.
+
+    Ref: Abeles' characteristic matrices, M. Born, E. Wolf, Principles of Optics, 1.6.
+    """
     sine2 = 1 - cosine**2
-    out = []
-    for tm in (False, True):
-        matrix = np.eye(2, dtype=complex)
-        for name, depth in layers:
-            eps = permittivity(name, f)
-            normal = np.sqrt(eps - sine2)
-            admittance = eps / normal if tm else normal
-            turn = 2 * np.pi * f / C * normal * depth
-            matrix = matrix @ np.array([[np.cos(turn), 1j * np.sin(turn) / admittance], [1j * admittance * np.sin(turn), np.cos(turn)]])
-        air = 1 / cosine if tm else cosine
-        through = 2 * air / ((matrix[0, 0] + matrix[0, 1] * air) * air + matrix[1, 0] + matrix[1, 1] * air)
-        out.append(through * np.exp(2j * np.pi * f / C * cosine * sum(depth for _, depth in layers)))
-    return out
+
+    def admittance(eps):
+        normal = np.sqrt(eps - sine2 + 0j)
+        return eps / normal if parallel else normal
+
+    matrix = np.eye(2, dtype=complex)
+    for eps, depth in layers:
+        turn, y = 2 * np.pi * f / C * np.sqrt(eps - sine2 + 0j) * depth, admittance(eps)
+        matrix = matrix @ np.array([[np.cos(turn), 1j * np.sin(turn) / y], [1j * y * np.sin(turn), np.cos(turn)]])
+    electric, magnetic = matrix @ np.array([1, admittance(backing)])
+    air = admittance(1.0)
+    return (air * electric - magnetic) / (air * electric + magnetic), 2 * air / (air * electric + magnetic)
+
+
+def transmitted(layers, cosine, f):
+    """Return (te, tm): the field behind a pane over the field there without the pane."""
+    stack = [(permittivity(name, f), depth) for name, depth in layers]
+    air = np.exp(2j * np.pi * f / C * cosine * sum(depth for _, depth in layers))
+    return [tangential(stack, 1.0, cosine, f, parallel)[1] * air for parallel in (False, True)]

@@ -3,11 +3,16 @@
 from typing import Any
 
 import numpy as np
+from scipy.signal import fftconvolve
 
+from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.scene.trajectories import trajectory
+from radartwin.simulation import geometry, variant
+from radartwin.simulation.curved import tube_grid, tubes
+from radartwin.simulation.hits import Antennas, TraceOptions
 
 FREQUENCY = 77e9
-WAVELENGTH = 299_792_458.0 / FREQUENCY
+WAVELENGTH = SPEED_OF_LIGHT / FREQUENCY
 K = 2 * np.pi / WAVELENGTH
 UP = np.array([[0.0, 0.0, 1.0]])
 
@@ -21,6 +26,16 @@ def coherent(hits, keep: Any = slice(None)):
     return (hits.amplitude[:, 0] * np.exp(1j * K * (hits.length_in_m + hits.length_out_m)))[keep].sum()
 
 
+def tube_hits(meshes, table, start, end=None, *, width=WAVELENGTH / 4, cross=False, options=None):
+    """Return the hits of ray tubes of a width on meshes from antennas at `start` (F, 3) to antennas at `end` (F, 3)."""
+    variant.activate()
+    built, axes = geometry.build(meshes), np.repeat(UP, len(start), axis=0)
+    grid = tube_grid.towards(built.hull_points(), start, built.centre, width, built.grid_shift)
+    assert grid is not None
+    sender, receiver = (Antennas(places, axes, cross) for places in (start, start if end is None else end))
+    return tubes.trace(built, table, grid, sender, receiver, options or TraceOptions(1))
+
+
 def relative_error(ours, exact):
     """Return the norm of the difference between `ours` and `exact`, divided by the norm of `exact`."""
     return float(np.linalg.norm(ours - exact) / np.linalg.norm(exact))
@@ -29,6 +44,36 @@ def relative_error(ours, exact):
 def at(x, y=0.0, z=0.0):
     """Return the pose (4, 4) of a body at this point, with its axes along the world axes."""
     return trajectory.pose([x, y, z])
+
+
+def point_echo(radar, where, speed_mps=0.0, frames=1, amplitude=1.0):
+    """Return the signal of a point that moves along the line of sight, from its exact two-way paths to all antennas."""
+    frame, chirp, tx = np.ogrid[:frames, : radar.num_chirps, : radar.num_tx]
+    time = frame / radar.frame_rate_hz + (radar.num_tx * chirp + tx) * radar.chirp_interval
+    target = where + (speed_mps * time)[..., None] * where / np.linalg.norm(where)
+    to_tx = np.linalg.norm(target - radar.tx_positions, axis=-1)
+    to_rx = np.linalg.norm(target[..., None, :] - radar.rx_positions, axis=-1)
+    frequency = radar.start_frequency_hz + radar.slope_hz_per_s * np.arange(radar.num_samples) / radar.sample_rate_hz
+    signal = amplitude * np.exp(2j * np.pi * frequency * (to_tx[..., None] + to_rx)[..., None] / SPEED_OF_LIGHT)
+    return (signal.real + 0j if radar.real_sampling else signal).astype(np.complex64)
+
+
+def two_ways(screen, y, z, place, wall, wavenumber):
+    """Return the echo of a mirror at x = `wall` behind a black screen at x = `place`, relative to the free echo, by Kirchhoff quadrature.
+
+    The quadrature runs over the screen and over its image: the field passes both. screen: (Y, Z) whether a cell of the grid of y (Y,) and
+    z (Z,) is covered.
+    """
+    area, between, rest = (y[1] - y[0]) * (z[1] - z[0]), 2 * (wall - place), 2 * wall - place
+    near, far = (np.sqrt(d * d + y[:, None] ** 2 + z**2) for d in (place, rest))
+    factor = wavenumber / (2j * np.pi) * area
+    source = screen * np.exp(1j * wavenumber * near) / near * 0.5 * (1 + place / near)
+    once = factor * (source * np.exp(1j * wavenumber * far) / far).sum()
+    aside = [np.arange(1 - len(axis), len(axis)) * (axis[1] - axis[0]) for axis in (y, z)]
+    way = np.sqrt(between**2 + aside[0][:, None] ** 2 + aside[1] ** 2)
+    second = fftconvolve(source, factor * np.exp(1j * wavenumber * way) / way, mode="full")[len(y) - 1 :, len(z) - 1 :][: len(y), : len(z)]
+    twice = factor * (source * second).sum()
+    return 1 - (2 * once - twice) * 2 * wall * np.exp(-2j * wavenumber * wall)
 
 
 def mie_backscatter(radius):

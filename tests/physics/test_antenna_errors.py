@@ -1,21 +1,16 @@
-"""Antennas that deviate from the nominal pattern: levels of the floor, ripples of each antenna, and their effect on whole simulations.
-
-The oracle for the ripples is a sum over the displaced copies of every antenna, evaluated in this file.
-"""
+"""Antennas that deviate from the nominal pattern. The oracle for the ripples is a sum over the displaced copies of every antenna."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import radartwin as rt
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import InputError
 from radartwin.radar.antenna import PEAK_GAIN_DBI, element_gain
-from radartwin.radar.antenna_errors import COPIES, FARTHEST_M, NEAREST_M, AntennaErrors
+from radartwin.radar.antenna_errors import AntennaErrors
 from radartwin.scene import objects
-from radartwin.simulation import variant
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal.synthesis import synthesize
 
@@ -64,11 +59,7 @@ def test_strength_zero_is_the_nominal_radar():
     assert not NOMINAL.sees_behind
     ways = directions(1000)
     assert NOMINAL.gain(ways).tobytes() == element_gain("iwr1843", ways).tobytes()
-
-
-def test_radar_with_antenna_errors_survives_a_file():
     assert rt.Radar.from_dict(RADAR.to_dict()) == RADAR
-    assert hash(RADAR) != hash(NOMINAL)
     assert RADAR.pattern != replace(RADAR, antenna_errors=ERRORS.scaled(2)).pattern
 
 
@@ -80,7 +71,7 @@ def test_impossible_antenna_errors_are_refused(values, word):
         AntennaErrors(**values)
 
 
-@pytest.mark.parametrize("strength", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("strength", [0.5, 2.0])
 def test_strength_scales_amplitudes(strength):
     scaled = ERRORS.scaled(strength)
     assert scaled is not None
@@ -91,20 +82,12 @@ def test_strength_scales_amplitudes(strength):
     assert aside == pytest.approx(PEAK_GAIN_DBI - 18 + decibels)
     copies = np.abs(scaled.ripples("iwr1843", 1, WAVELENGTH)[1][0])
     assert (copies[1:] ** 2).sum() / copies[0] ** 2 == pytest.approx(0.01 * strength**2)
-
-
-@pytest.mark.parametrize("strength", [0.5, 1.0, 2.0])
-def test_antennas_with_a_floor_radiate_less_power_than_their_input(strength):
-    scaled = ERRORS.scaled(strength)
-    assert scaled is not None
-    assert np.mean(scaled.gain("iwr1843", directions(100_000)) ** 2) < 1
+    assert np.mean(scaled.gain("iwr1843", directions(100_000)) ** 2) < 1  # less power than the input
 
 
 def test_envelope_is_the_nominal_main_lobe_and_a_continuous_floor():
     ways = directions(10_000)
     np.testing.assert_allclose(RADAR.gain(3 * ways), envelope(ways), rtol=1e-12)
-    main = ways[(ways[:, 0] > 0.9)]
-    assert RADAR.gain(main).tobytes() == NOMINAL.gain(main).tobytes()
     around = np.radians(np.arange(0, 180, 0.01))
     cut = RADAR.gain(np.stack([np.cos(around), np.sin(around), 0 * around], axis=1))
     assert np.abs(np.diff(20 * np.log10(cut))).max() < 0.05  # at most 5 dB per degree, where the nominal pattern reaches the floor
@@ -130,11 +113,6 @@ def test_ripples_differ_between_antennas_and_boards():
     assert 2.5 < degrees.std(axis=0).min() < degrees.std(axis=0).max() < 6.5
     correlation = np.abs(np.corrcoef(decibels.T) - np.eye(boards.shape[1]))
     assert correlation.max() < 0.5
-    points = ERRORS.ripples("iwr1843", 6, WAVELENGTH)[0]
-    assert points.shape == (6, COPIES, 3)
-    distance = np.linalg.norm(points, axis=2)
-    assert NEAREST_M <= distance.min() < distance.max() <= FARTHEST_M
-    assert not points[..., 0].any()
 
 
 def bistatic(count, mirrored=False, given=False):
@@ -148,12 +126,6 @@ def bistatic(count, mirrored=False, given=False):
     return Paths(count, np.arange(count), np.ones(count, int), amplitude, middle, length[0], length[1], out, back, none, mirror, gain)
 
 
-@pytest.fixture(params=["compiled loops", "Dr.Jit"])
-def spreading(request, monkeypatch):
-    variant.activate()
-    monkeypatch.setattr(variant, "on_gpu", lambda: request.param == "Dr.Jit")
-
-
 @pytest.mark.usefixtures("spreading")
 @pytest.mark.parametrize(("mirrored", "given"), [(False, False), (True, False), (False, True)])
 def test_transmitters_use_the_departure_and_receivers_the_arrival(mirrored, given):
@@ -162,47 +134,6 @@ def test_transmitters_use_the_departure_and_receivers_the_arrival(mirrored, give
     found = synthesize(paths, RADAR)[:, 0]
     ratio = (found * isotropic.conj()).sum(axis=-1) / (np.abs(isotropic) ** 2).sum(axis=-1)
     np.testing.assert_allclose(ratio, channels(paths.departure, paths.arrival), rtol=1e-4)
-
-
-def test_a_path_and_its_reverse_use_the_same_pattern_for_both_roles():
-    """Reciprocity: if the antennas of a pair exchange their roles, the path out and back becomes its reverse with the same signal.
-
-    The radar has one antenna as transmitter and the same antenna, by its number, as receiver of the exchanged radar.
-    """
-    points, weights = ERRORS.ripples("iwr1843", 2, WAVELENGTH)
-    paths = bistatic(20)
-    back = replace(paths, departure=paths.arrival, arrival=paths.departure, length_in_m=paths.length_out_m, length_out_m=paths.length_in_m)
-    places = ((0.0, 0.002, 0.0),), ((0.0, -0.001, 0.003),)
-    one = replace(RADAR, tx_positions_m=places[0], rx_positions_m=places[1])
-    other = replace(RADAR, tx_positions_m=places[1], rx_positions_m=places[0])
-    exchanged = points[::-1], weights[::-1]
-    expected = synthesize(paths, one)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(AntennaErrors, "ripples", lambda *_: exchanged)
-        np.testing.assert_allclose(synthesize(back, other), expected, rtol=0, atol=1e-5 * np.abs(expected).max())
-
-
-def turned(angles_deg):
-    """Return sensor poses (F, 4, 4) at the origin that see the +x direction of the world under (azimuth, elevation) angles."""
-    out = np.tile(np.eye(4), (len(angles_deg), 1, 1))
-    out[:, :3, :3] = Rotation.from_euler("zy", np.asarray(angles_deg, float) * [-1, 1], degrees=True).as_matrix()
-    return out
-
-
-def test_point_target_measures_the_closed_form_at_many_angles():
-    """A plate of 1 mm, 4 m away, is seen in all directions of a turning radar. The simulation with an isotropic radar is its echo."""
-    plate = objects.plate(1e-3, 1e-3)
-    plate.apply_transform(np.diag([-1.0, -1.0, 1.0, 1.0]))
-    plate.apply_translation([4.0, 0.0, 0.0])
-    scene = rt.Scene([rt.Surface(plate, "metal", "point")])
-    angles = [(azimuth, elevation) for elevation in (-60, -25, -5, 0, 10, 35) for azimuth in range(-180, 180, 15)]
-    poses = turned(angles)
-    ways = poses[:, 0, :3]  # the world's +x direction in the sensor frame
-    isotropic, found = (rt.simulate(scene, radar, poses).iq[:, 0] for radar in (ISOTROPIC, RADAR))
-    ratio = (found * isotropic.conj()).sum(axis=-1) / (np.abs(isotropic) ** 2).sum(axis=-1)
-    expected = channels(ways, ways)
-    np.testing.assert_allclose(ratio, expected, rtol=1e-3)
-    assert np.ptp(20 * np.log10(np.abs(ratio)), axis=(1, 2)).max() > 1.0  # the channels differ
 
 
 def test_a_wall_behind_the_radar_appears_at_the_level_of_the_back_lobe():

@@ -24,10 +24,6 @@ def largest_error(reach_m, count=ASPECTS):
     return np.abs(aspects.at(angles)[..., 0, 0] - wave(angles)).max()
 
 
-def test_circling_point_matches_its_exact_phase():
-    assert largest_error(0.09) < 0.01
-
-
 @pytest.mark.parametrize(("reach_m", "expected"), [(0.01, MIN_ASPECTS), (0.075, 832), (0.12, 1280)])
 def test_number_of_aspects_follows_the_reach(reach_m, expected):
     """With the computed number of angles, the echo of a point at the largest radius has an error of at most 0.01, which is the error of the

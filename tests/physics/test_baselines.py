@@ -1,8 +1,4 @@
-"""The baseline simulators give known results: the naive tracer behaves like the original RF-Genesis program, and point scatterers follow
-the radar equation.
-"""
-
-import time
+"""The naive tracer behaves like the original RF-Genesis program, and point scatterers follow the radar equation."""
 
 import baselines
 import numpy as np
@@ -11,9 +7,8 @@ from physics_helpers import at
 
 import radartwin as rt
 from experiments.stability.sweeps import speed_read_mps
-from radartwin.benchmark.entrants import published_seconds
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.scene import objects, rooms
+from radartwin.scene import objects
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.backends import rfgenesis
 from radartwin.simulation.backends.backend import backend
@@ -24,9 +19,7 @@ HERE = np.eye(4)[None]
 
 
 def test_shipped_trihedral_is_below_the_sphere_instead_of_29_db_above():
-    """In the original RF-Genesis program, a trihedral of 10 cm at 2 m is 11.6 dB weaker than a sphere of 10 cm radius. This ratio depends
-    on how the ray pixels of 1.8 cm fall on the trihedral.
-    """
+    """The ratio at 2 m, -11.6 dB in the original program, depends on how the ray pixels of 1.8 cm fall on the trihedral."""
     ratio = baselines.trihedral_over_sphere_db(backend("rfgenesis"), np.linspace(1.9, 2.1, 11))
     assert pytest.approx(29.4, abs=0.05) == baselines.CLOSED_FORM_RATIO_DB
     assert np.median(ratio) == pytest.approx(-11.6, abs=2)
@@ -52,16 +45,8 @@ def test_speed_error_of_the_published_radar(version, speed):
     assert speed_read_mps(backend("rfgenesis", version=version), baselines.published_radar(), 0.2) == pytest.approx(speed, rel=0.005)
 
 
-def test_closed_form_plate_level_matches_tubes():
-    for distance in (1.0, 3.0):
-        traced = baselines.level_db(objects.plate(0.1, 0.1), distance, backend("mitsuba"))
-        assert traced == pytest.approx(baselines.plate_db(distance), abs=0.2)
-
-
 def test_direct_signal_and_shared_synthesis_agree():
-    """With a target at rest, the signal of a single hit agrees to 0.001 after removal of the residual video phase, and the signal of a
-    whole plate agrees in level.
-    """
+    """The signal of a single hit at rest agrees after removal of the residual video phase."""
     point = np.array([[2.0, 0.3, 0.1]])
     distance = float(np.linalg.norm(point))
     signal = direct_frame(point, point, np.array([distance]), RADAR)[0]
@@ -71,19 +56,10 @@ def test_direct_signal_and_shared_synthesis_agree():
     expected = distance * rfgenesis.power_loss(length) * np.exp(2j * np.pi * frequency * length / SPEED_OF_LIGHT)
     residual = np.exp(-1j * np.pi * RADAR.slope_hz_per_s * (length / SPEED_OF_LIGHT) ** 2)
     assert np.abs(signal - expected * residual).max() < 1e-3 * np.abs(expected).max()
-    plate = rt.Scene([rt.Surface(objects.plate(0.1, 0.1).apply_transform(at(2.0)), "metal", "plate")])
-    hits = rfgenesis.trace(plate, RADAR, HERE, {}, rfgenesis.RFGenesisSettings())
-    seen = hits.distance[0] > 0
-    points = hits.distance[0, seen, None] * hits.directions[seen]
-    slow = direct_frame(points, points, hits.distance[0, seen], RADAR)
-    fast = rt.simulate(plate, RADAR, HERE, simulator="rfgenesis").iq[0]
-    assert np.linalg.norm(slow) == pytest.approx(np.linalg.norm(fast), rel=0.01)
 
 
 def test_hits_have_exact_directions_and_distances():
-    """The pixel rows of the ray grid start at the top and the columns at the left. Hit distances on a plane are exact, and of two surfaces
-    the nearer surface is hit.
-    """
+    """The pixel rows start at the top and the columns at the left. Of two surfaces the nearer surface is hit."""
     back = rt.Surface(objects.plate(6, 6).apply_transform(at(3.0)), "metal", "back")
     front = rt.Surface(objects.plate(0.5, 0.5), "metal", "front")
     settings = rfgenesis.RFGenesisSettings("corrected", 32)
@@ -96,9 +72,7 @@ def test_hits_have_exact_directions_and_distances():
 
 
 def test_corrected_power_matches_a_diffuse_sphere():
-    """Without phases, a Lambert sphere returns 8/3 times the cross-section of a mirror sphere. The pixels of the ray grid limit the
-    agreement to 5 %.
-    """
+    """Without phases, a Lambert sphere returns 8/3 times the cross-section of a mirror sphere."""
     scene = rt.Scene([rt.Surface(objects.sphere(0.2).apply_transform(at(3.0)), "metal", "ball")])
     (paths,) = backend("rfgenesis", version="corrected", grid=512).paths(scene, RADAR, HERE)
     wavelength = SPEED_OF_LIGHT / RADAR.center_frequency_hz
@@ -107,9 +81,7 @@ def test_corrected_power_matches_a_diffuse_sphere():
 
 
 def test_shipped_hits_remain_where_a_target_was():
-    """The original RF-Genesis program fills a pixel without a hit from the previous frame, so that hits remain after the target has moved
-    away.
-    """
+    """The original program fills a pixel without a hit from the previous frame."""
     poses = np.array([at(1.5, y) for y in (0.0, 0.3, 0.6)])
     scene = rt.Scene([rt.Surface(objects.plate(0.2, 0.2), "metal", "plate")])
     counts = {}
@@ -120,9 +92,7 @@ def test_shipped_hits_remain_where_a_target_was():
 
 
 def test_point_levels_follow_the_radar_equation_and_miss_the_near_field():
-    """At 0.5 m, a plate of 10 cm returns 17.6 dB less than its far-field cross-section, but the table of point scatterers uses the
-    far-field cross-section.
-    """
+    """At 0.5 m, a plate of 10 cm returns 17.6 dB less than its far-field cross-section."""
     plate = objects.plate(0.1, 0.1)
     far = baselines.level_db(plate, 4.0, backend("points")) - baselines.level_db(plate, 2.0, backend("points"))
     assert far == pytest.approx(-40 * np.log10(2), abs=0.05)
@@ -140,23 +110,3 @@ def test_point_wall_is_the_exact_image_in_level_and_phase():
     beside = trajectory.pose([0.0, 30.0, 0.0])[None]
     assert backend("points").paths(wall, RADAR, beside) == []
     assert backend("points", room="void").paths(wall, RADAR, HERE) == []
-
-
-def test_table_holds_far_field_cross_sections():
-    mesh = objects.trihedral(0.1)
-    turned = np.diag([-1.0, -1.0, 1.0])
-    middle = mesh.bounds.mean(axis=0)
-    away = np.array([2.0, 0.0, 0.0]) + turned @ middle
-    sigma = rt.rcs(mesh, -turned.T @ away, frequency=RADAR.center_frequency_hz)
-    wavelength = SPEED_OF_LIGHT / RADAR.center_frequency_hz
-    expected = 10 * np.log10(sigma * wavelength**2 / ((4 * np.pi) ** 3 * np.linalg.norm(away) ** 4))
-    assert baselines.level_db(mesh, 2.0, backend("points")) == pytest.approx(expected, abs=0.3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("room", "most_s"), [(False, 24), (True, 65)])
-def test_whole_frame_is_no_slower_than_the_published_program(room, most_s):
-    """On two cores, the original RF-Genesis program takes 24 s for 1,200 hits (a plate at 1 m) and 65 s for 16,384 hits (a room)."""
-    plate = rt.Scene([rt.Surface(objects.plate(0.3, 0.3).apply_transform(at(1.0)), "metal", "plate")])
-    scene, pose = (rooms.lab(), rooms.lab_bench().sensor_pose[None]) if room else (plate, HERE)
-    assert published_seconds(scene, pose, {}, rfgenesis.RFGenesisSettings(), RADAR, time.perf_counter) < most_s

@@ -1,4 +1,4 @@
-"""Compare paths between objects and a room with image sources, geometric optics, exact geometry and finite differences."""
+"""Paths between objects and a room against image sources, geometric optics, exact geometry and finite differences."""
 
 from dataclasses import replace
 
@@ -60,11 +60,9 @@ def db(ratio):
     return 20 * np.log10(abs(ratio))
 
 
-@pytest.mark.parametrize("height", [0.3, 0.5, 0.7])
+@pytest.mark.parametrize("height", [0.3, 0.7])
 def test_sphere_over_a_metal_floor_matches_geometric_optics(height):
-    """The direct echo, the two echoes over floor and sphere, and the echo floor - sphere - floor agree with geometric optics within 0.3 dB
-    and 8 degrees.
-    """
+    """The direct echo, the two echoes over floor and sphere, and the echo floor - sphere - floor."""
     centre = np.array([1.2, 0.0, height])
     parts = paths_of(rt.Scene([floor(), ball(centre)]), at(SENSOR))[1:]
     for source, target, ways in ((SENSOR, SENSOR, 1), (SENSOR, MIRRORED, 2), (MIRRORED, MIRRORED, 1)):
@@ -76,11 +74,10 @@ def test_sphere_over_a_metal_floor_matches_geometric_optics(height):
         assert min(abs(turned), 180 - abs(turned)) < 8
 
 
-@pytest.mark.parametrize("material", ["concrete", "glass", "water"])
+@pytest.mark.parametrize("material", ["concrete", "water"])
 def test_sphere_over_a_dielectric_floor_matches_geometric_optics(material):
-    """The echo over the floor has the Fresnel coefficient once, and the echo floor - sphere - floor has it twice. The coefficient is TM,
-    because the field is vertical. It is conjugated, because the phase of the signal grows with the path length. Water turns the phase by
-    20 degrees at each reflection.
+    """The coefficient is TM, because the field is vertical, and conjugated, because the phase of the signal grows with the path length.
+    Water turns the phase by 20 degrees at each reflection.
     """
     centre = np.array([1.2, 0.0, 0.35])
     parts = paths_of(rt.Scene([floor(material), ball(centre)]), at(SENSOR), rays_per_wavelength2=9.0)[1:]
@@ -137,9 +134,7 @@ def table_top(edge):
 
 
 def test_table_edge_under_the_object_matches_the_half_plane_factor():
-    """The echo with one reflection on a table and one on a sphere becomes weaker as the table moves away from the sphere. The half-plane
-    Fresnel factor predicts this decrease with an error of 0.093.
-    """
+    """The echo over table and sphere becomes weaker as the table moves away from the sphere."""
     centre = np.array([1.2, 0.0, 0.3])
     level, length, place = sphere_echo(centre, SENSOR, MIRRORED)
     mirror_point = place[0] * (1.0 / (1.0 + place[2]))
@@ -156,9 +151,7 @@ def test_table_edge_under_the_object_matches_the_half_plane_factor():
 
 
 def test_object_behind_a_screen_is_seen_over_a_wall():
-    """If a screen hides an object from the radar, the direct echo and the two echoes with one reflection on the wall vanish, and the echo
-    wall - sphere - wall keeps its level.
-    """
+    """The direct echo and the two echoes with one reflection on the wall vanish, and the echo wall - sphere - wall keeps its level."""
     centre = np.array([1.6, 0.0, 1.0])
     wall = rt.Surface(rooms.rectangle([-1, 1.0, -0.5], np.eye(3)[0], np.eye(3)[2], (4.5, 3.0)), "metal", "wall", role="room")
     screen = rt.Surface(rooms.rectangle([0.8, -0.35, 0.5], np.eye(3)[1], np.eye(3)[2], (0.7, 1.0)), "metal", "screen", role="room")
@@ -175,16 +168,9 @@ def test_object_behind_a_screen_is_seen_over_a_wall():
     assert db(near(parts, both[1])[0] / both[0]) == pytest.approx(0, abs=0.5)
 
 
-def legs(position):
-    """Return the path lengths of the three echoes from the nearest points of a small sphere, by image geometry."""
-    return [sphere_echo(position, s, t)[1] for s, t in ((SENSOR, SENSOR), (SENSOR, MIRRORED), (MIRRORED, MIRRORED))]
-
-
 @pytest.mark.parametrize("kind", ["slide", "sensor", "turn"])
 def test_doppler_of_every_leg_pair_matches_path_differences(kind):
-    """For each echo between object and floor, the mean range rate, weighted by amplitude, agrees with the difference of exact path lengths
-    between successive frames.
-    """
+    """The range rate is the mean of an echo, weighted by amplitude."""
     frames, step = 3, 0.004
     offset = np.array([1.2, 0.05, 0.35])
     motion, sensors = np.tile(np.eye(4), (frames, 1, 1)), np.tile(at(SENSOR), (frames, 1, 1))
@@ -217,23 +203,8 @@ def test_doppler_of_every_leg_pair_matches_path_differences(kind):
         assert (weighted / total).real == pytest.approx(rates[echo], abs=0.01 * np.abs(rates).max() + 1e-3)
 
 
-def test_phase_follows_the_path_length_between_frames():
-    """Between two frames, the phase of each echo changes by k times the change of its path length, within 2 degrees."""
-    frames = 6
-    motion = np.tile(np.eye(4), (frames, 1, 1))
-    motion[:, :3, 3] = np.array([1.2, 0.05, 0.35]) + np.arange(frames)[:, None] * 3e-4 * np.array([0.5, 0.3, 0.8])
-    parts = paths_of(rt.Scene([floor(), ball()]), np.repeat(at(SENSOR), frames, axis=0), {"ball": motion})[1:]
-    exact = np.array([legs(p) for p in motion[:, :3, 3]])
-    for echo in range(3):
-        values = [near([p.frames(i, i + 1) for p in parts], exact[i, echo])[0] for i in range(frames)]
-        left = np.unwrap(np.angle(np.array(values) * np.exp(-1j * K * exact[:, echo])))
-        assert np.degrees(np.ptp(left)) < 2
-
-
 def test_channels_of_image_paths_match_image_geometry():
-    """For the echo floor - sphere - floor and for the echoes with one floor reflection, the phase of each channel agrees with the sphere's
-    echo between mirrored antenna elements.
-    """
+    """The exact echoes run between mirrored antenna elements."""
     turn = np.linalg.qr(np.array([[0.9, -0.1, 0.3], [0.15, 0.95, -0.25], [-0.3, 0.2, 0.9]]))[0]
     turn *= np.sign(np.diag(turn))
     turn[:, 2] *= np.linalg.det(turn)
@@ -264,11 +235,7 @@ def test_channels_of_image_paths_match_image_geometry():
 
 @pytest.mark.parametrize("moving", [False, True])
 def test_static_object_and_resting_moving_object_have_equal_signals(moving):
-    """In a furnished laboratory, a can as a static surface and a can that is named in `motion` but rests give the same signal within 0.002.
-
-    The difference is from the can's shadow on the echoes of other objects. A moving radar traces all paths at every pose here, because the
-    paths over the room of a static object would else be moved from a place (see test_places).
-    """
+    """The difference is from the can's shadow on the echoes of other objects. A moving radar traces all paths at every pose here."""
     sensors = np.array([traced.pose((1.0, y, 1.0)) for y in ((0.0, 0.02) if moving else (0.0,))])
     can, pose = objects.cylinder(0.033, 0.12), np.eye(4)
     pose[:3, 3] = [2.3, 0.1, 1.0]
@@ -310,54 +277,6 @@ def two_openings(low, high, d1, between, to=None, points=1501):
     return np.sqrt((2 * d1 + between) / between) / (d1 * 1j * WAVELENGTH) * (fields[0] @ kernel @ fields[1])
 
 
-def behind(mesh, place, named):
-    """Return the echo of a wall at 2.6 m behind an object at `place`, relative to the free wall."""
-    wall = rt.Surface(rooms.rectangle([2.6, -4, -4], np.eye(3)[1], np.eye(3)[2], (8, 8)), "metal", "wall", role="room")
-    pose = np.eye(4)
-    pose[:3, 3] = place
-    thing = rt.Surface(mesh if named else mesh.copy().apply_transform(pose), "metal", "thing", role="object")
-    scenes = (rt.Scene([wall, thing]), {"thing": pose[None]} if named else None), (rt.Scene([wall]), None)
-    shaded, free = (near(paths_of(scene, at((0.0, 0, 0)), motion), 5.2, 0.02)[0] for scene, motion in scenes)
-    return shaded / free
-
-
-@pytest.mark.parametrize("named", [False, True])
-@pytest.mark.parametrize(
-    ("y", "z", "limit"), [(0.0, 0.0, 0.03), (0.03, 0.0, 0.03), (0.06, 0.0, 0.03), (0.08, 0.0, 0.03), (0.2, 0.1, 0.03), (0.05, 0.03, 0.11)]
-)
-def test_plate_before_a_wall_casts_a_two_way_shadow(named, y, z, limit):
-    """A plate of 9 x 13 cm at 0.9 m changes the echo of a wall at 2.6 m as two openings in a row do, within 0.03 of the free echo.
-
-    The second opening is the plate's mirror image. Where a corner of the plate is within 4 cm of the line of sight, the error is 0.10,
-    because the wave of one edge is treated as a ray at the other opening.
-    """
-    sides = (y - 0.045, y + 0.045), (z - 0.065, z + 0.065)
-    once = np.prod([opening(*side, 0.9, 4.3) for side in sides])
-    twice = np.prod([two_openings(*side, 0.9, 3.4) for side in sides])
-    plate = rooms.rectangle([0, -0.045, -0.065], np.eye(3)[1], np.eye(3)[2], (0.09, 0.13))
-    assert abs(behind(plate, (0.9, y, z), named) - (1 - 2 * once + twice)) < limit
-
-
-@pytest.mark.slow
-def test_coupled_echoes_match_tubes():
-    """For a sphere over a floor, the echo levels of the panel method agree with those of ray tubes that start at the sensor only.
-
-    The direct echoes agree to 0.3 dB. The echoes over floor and sphere agree to 0.8 dB (0.38 dB measured), because wide tubes of the floor
-    carry half of this echo to the sphere. Panels are within 0.08 dB of geometric optics, tubes within 0.45 dB.
-    """
-    centre = np.array([1.2, 0.0, 0.35])
-    scene = rt.Scene([floor(), ball(centre)])
-    panels = paths_of(scene, at(SENSOR))[1:]
-    tubes = paths_of(scene, at(SENSOR), room="tubes", rays=3_000_000, rays_per_wavelength2=9.0)
-    ways = np.array([(centre * (1, 1, sign) - SENSOR) / np.linalg.norm(centre * (1, 1, sign) - SENSOR) for sign in (1, -1)])
-    tubes = [  # without the paths of the floor alone, which cancel only if all of them are summed
-        p.where(((p.departure @ ways.T).max(axis=1) > np.cos(0.045)) & ((p.arrival @ ways.T).max(axis=1) > np.cos(0.045))) for p in tubes
-    ]
-    for target, limit in ((SENSOR, 0.1), (MIRRORED, 0.8)):
-        _, length, _ = sphere_echo(centre, SENSOR, target)
-        assert db(near(panels, length)[0] / near(tubes, length)[0]) == pytest.approx(0, abs=limit)
-
-
 def test_objects_that_touch_overlap_or_leave_the_room_stay_finite():
     walls = objects.box((0, 0, 0), (4.0, 3.0, 2.5))
     walls.invert()
@@ -382,13 +301,9 @@ def field_of(parts, low=0.0, high=np.inf):
     return 20 * np.log10(abs(traced.field(chosen, RADAR.center_frequency_hz)))
 
 
-@pytest.mark.parametrize("height", [0.06, 0.08, 0.12, 0.2])
+@pytest.mark.parametrize("height", [0.06, 0.2])
 def test_box_on_the_floor_is_a_corner_reflector(height):
-    """The echo of the right-angled corner between a floor and the front of a box is that of an opening, within 0.8 dB.
-
-    The corner turns the sensor's image to the opposite direction. Box front and its image in the floor are the opening. This holds for a
-    box whose faces belong to the room, for a box that is an object, and for a moving box.
-    """
+    """Box front and its image in the floor are an opening. The box belongs to the room, is an object, or moves."""
     box = objects.box((1.15, -0.075, 0.0), (1.25, 0.075, height))
     pose = at((0, 0, 0.6))
     half = np.hypot(1.15, 0.6)
@@ -421,12 +336,9 @@ def mirror_facing(centre, towards, thickness, size=0.3):
     return plate.apply_transform(turn)
 
 
-@pytest.mark.parametrize("thickness", [0.0005, 0.003, 0.01, 0.02])
+@pytest.mark.parametrize("thickness", [0.0005, 0.02])
 def test_paths_between_two_small_mirrors_count_once(thickness):
-    """A triangular path over two plates occurs in two directions, so the field at its path length is twice that behind two openings. The
-    field is doubled whether both plates are static or one plate is named in `motion`. The openings have no thickness: the level of plates
-    varies by 0.5 dB with it.
-    """
+    """The path occurs in two directions, so that the field is twice that behind two openings, whose level has no thickness."""
     sensor, a, b = np.array([0, 0, 1.5]), np.array([3.0, 1, 1.5]), np.array([3.0, -1, 1.5])
 
     def unit(v):

@@ -55,31 +55,19 @@ def test_too_many_tubes_for_an_index_are_refused() -> None:
 
 @pytest.mark.parametrize("bounces", [1, 3])
 def test_signal_does_not_depend_on_the_block_size(monkeypatch: pytest.MonkeyPatch, bounces: int) -> None:
-    from radartwin.radar.chirp import Radar
-    from radartwin.simulation.simulate import simulate
-
-    mesh = slanted_frame()
-    mesh.apply_translation([1.5, 0.0, 0.0])
-    scene = Scene([Surface(mesh, "metal", "frame", role="object")])
-
+    scene = Scene([Surface(slanted_frame().apply_translation([1.5, 0.0, 0.0]), "metal", "frame", role="object")])
     poses = np.repeat(np.eye(4)[None], 3, axis=0)
     poses[:, 1, 3] = [0.0, 0.1, -0.2]
-    made = []
-    blocks = division.blocks
-
-    def seen(device, one, *arguments):
-        made.append(one.per_pose)
-        return blocks(device, one, *arguments)
-
-    monkeypatch.setattr(division, "blocks", seen)
+    per_pose, blocks = [], division.blocks
+    monkeypatch.setattr(division, "blocks", lambda device, grid, *rest: per_pose.append(grid.per_pose) or blocks(device, grid, *rest))
 
     def signal() -> np.ndarray:
         return simulate(scene, Radar.iwr1843(), np.eye(4), motion={"frame": poses}, max_bounces=bounces).iq
 
     divided = signal()
-    monkeypatch.setattr(division, "TUBES_PER_BLOCK", max(made))  # blocks contain whole poses, and tubes are not divided at edges
+    monkeypatch.setattr(division, "TUBES_PER_BLOCK", max(per_pose))  # blocks contain whole poses, and tubes are not divided at edges
     whole = signal()
-    monkeypatch.setattr(division, "TUBES_PER_BLOCK", max(made) // 7)
+    monkeypatch.setattr(division, "TUBES_PER_BLOCK", max(per_pose) // 7)
     parts = signal()
     assert np.linalg.norm(whole - divided) < 0.1 * np.linalg.norm(divided)
     assert np.linalg.norm(parts - whole) < 1e-4 * np.linalg.norm(whole)

@@ -1,6 +1,4 @@
-"""Test rooms of flat faces: the levels of all image sources of box-shaped rooms, edges and shadows of furniture, moving sensors, and
-damaged input meshes.
-"""
+"""Rooms of flat faces: image sources of boxes, edges and shadows of furniture, moving sensors, and damaged meshes."""
 
 from dataclasses import replace
 from typing import Any
@@ -8,21 +6,20 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from physics_helpers import relative_error
+from physics_helpers import relative_error, two_ways
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
-from scipy.special import fresnel
 
 import radartwin as rt
 from experiments.validation.oracles import rooms as room_oracles
-from experiments.validation.oracles import traced
+from experiments.validation.oracles import stack, traced
 from experiments.validation.oracles.box import image_paths, image_sum
+from experiments.validation.oracles.nearfield import panel_quadrature
 from radartwin.compiled import compiled
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import SceneError
 from radartwin.scene import objects, rooms
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
-from radartwin.simulation.backends.track import Track
 from radartwin.simulation.flat import field
 from radartwin.simulation.flat import room as flat_room
 from radartwin.simulation.flat.faces import Faces
@@ -64,158 +61,65 @@ def sampled(parts):
 
 
 def by_image(size, sensor, rotation, material="metal", bounces=4, **values):
-    """Return, for every distinct path length of a box, the error relative to the image's own level, the level relative to the strongest
-    image, and the number of bounces.
+    """Return, for every distinct path length of a box, the error relative to the image's own level, and the level relative to the strongest
+    image.
     """
     part = paths_of(room_oracles.room_scene(size, material), looking(sensor, rotation), max_bounces=bounces, **values)[0]
     ours = amplitudes(part)
     together = {}
     reflection = room_oracles.wall_reflection(material)
-    for amplitude, length, order in image_paths(np.array(size), np.array(sensor), rotation[:, 2], reflection, bounces):
-        together.setdefault(round(length, 5), []).append((amplitude, length, order))
+    for amplitude, length, _ in image_paths(np.array(size), np.array(sensor), rotation[:, 2], reflection, bounces):
+        together.setdefault(round(length, 5), []).append((amplitude, length))
     rows = []
     for images in together.values():
-        length, order = images[0][1:]
-        exact = sum(a * WAVELENGTH / (4 * np.pi * n) * np.exp(1j * K * n) for a, n, _ in images)
+        length = images[0][1]
+        exact = sum(a * WAVELENGTH / (4 * np.pi * n) * np.exp(1j * K * n) for a, n in images)
         mine = ours[np.abs(part.length_m - length) < 2e-5].sum()
-        rows.append((abs(mine - exact) / (len(images) * WAVELENGTH / (4 * np.pi * length)), abs(exact), order))
-    errors, levels, orders = np.array(rows).T
+        rows.append((abs(mine - exact) / (len(images) * WAVELENGTH / (4 * np.pi * length)), abs(exact)))
+    errors, levels = np.array(rows).T
     strays = np.array([np.abs(np.array(list(together)) - n).min() for n in part.length_m])
     assert strays.max(initial=0) < 3e-5  # the tracer finds no path that is not an image
-    return errors, levels / levels.max(), orders
+    return errors, levels / levels.max()
 
 
-@pytest.mark.parametrize("attitude", ATTITUDES)
-@pytest.mark.parametrize(("name", "worst", "rms"), [("court", 0.04, 0.015), ("office", 0.04, 0.015), ("corridor", 0.08, 0.025)])
-def test_every_image_of_a_metal_box_has_its_level(name, worst, rms, attitude):
-    """In a metal room, the levels of image sources with up to four bounces agree with the levels of image sources at infinite mirrors.
-
-    An image at an edge or corner is the sum of its orders of reflection.
-    """
+@pytest.mark.parametrize(
+    ("name", "attitude", "worst", "rms"),
+    [("court", "tilted", 0.04, 0.015), ("office", "turned", 0.04, 0.015), ("corridor", "tilted", 0.08, 0.025)],
+)
+def test_every_image_of_a_metal_box_has_its_level(name, attitude, worst, rms):
+    """An image at an edge or corner is the sum of its orders of reflection."""
     _, size, sensor = room_oracles.ROOMS[name]
-    errors, levels, _ = by_image(size, sensor, ATTITUDES[attitude])
+    errors, levels = by_image(size, sensor, ATTITUDES[attitude])
     seen = levels > 2e-3
     assert seen.sum() > 60
     assert errors[seen].max() < worst
     assert np.sqrt(np.mean(errors[seen] ** 2)) < rms
 
 
-@pytest.mark.parametrize("material", ["concrete", "glass"])
-@pytest.mark.parametrize("name", list(room_oracles.ROOMS))
+@pytest.mark.parametrize(("name", "material"), [("office", "concrete"), ("corridor", "glass")])
 def test_every_image_of_a_dielectric_box_has_its_level(name, material):
-    """The tracer finds all images above the pruning level and no others, and the signal agrees with the sum of the images."""
+    """The tracer finds all images above the pruning level and no others."""
     _, size, sensor = room_oracles.ROOMS[name]
-    errors, _, _ = by_image(size, sensor, ATTITUDES["tilted"], material)
-    assert errors.max() < 0.05
+    assert by_image(size, sensor, ATTITUDES["tilted"], material)[0].max() < 0.05
     exact = image_sum(
         np.array(size), np.array(sensor), ATTITUDES["tilted"][:, 2], room_oracles.wall_reflection(material), 4, traced.frequencies(RADAR)
     )
-    got = sampled(paths_of(room_oracles.room_scene(size, material), looking(sensor, ATTITUDES["tilted"])))
-    assert relative_error(got, exact) < 0.03
+    assert relative_error(sampled(paths_of(room_oracles.room_scene(size, material), looking(sensor, ATTITUDES["tilted"]))), exact) < 0.03
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_images_match_at_any_place_and_attitude(seed):
-    rng = np.random.default_rng(seed)
-    size = rng.uniform([3, 3, 2.4], [9, 7, 5])
-    sensor = rng.uniform(0.15, 0.85, 3) * size
-    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    turn *= np.linalg.det(turn)
-    errors, levels, orders = by_image(tuple(size), tuple(sensor), turn, bounces=3)
-    assert errors[(levels > 2e-3) & (orders == 1)].max(initial=0) < 0.05
-    assert errors[levels > 2e-3].max() < 0.12
-
-
-def wall_factor(distance, low, high):
-    """Return the Fresnel factor of a rectangle as a product of Fresnel integrals of the exact excess path. low, high: (2,) edges relative
-    to the sensor in metres.
-    """
-
-    def one(a, b):
-        u = [np.sign(x) * np.sqrt(4 * K * (np.hypot(distance, x) - distance) / np.pi) for x in (a, b)]
-        (s0, c0), (s1, c1) = fresnel(u[0]), fresnel(u[1])
-        return ((c1 - c0) + 1j * (s1 - s0)) / (1 + 1j)
-
-    return one(low[0], high[0]) * one(low[1], high[1])
-
-
-@pytest.mark.parametrize(
-    "sensor",
-    [(2.2, 1.7, 1.1), (0.01, 1.7, 1.1), (0.01, 0.01, 1.1), (0.01, 0.01, 0.01), (4.99, 2.0, 2.4), (0.3, 3.9, 2.3)],
-    ids=["free", "1 cm from a wall", "in an edge", "in a corner", "far wall", "upper corner"],
-)
-def test_single_reflections_in_a_closed_box_are_exact_images(sensor):
-    """A wall of a closed box returns its whole image, also to a sensor within 1 cm of an edge or corner of the box."""
-    size, sensor = np.array([5.0, 4.0, 2.5]), np.array(sensor)
-    part = paths_of(room_oracles.room_scene(tuple(size), "metal"), looking(sensor, ATTITUDES["tilted"]), max_bounces=1)[0]
-    ours, heard = amplitudes(part), 0
-    for axis in range(3):
-        for distance, sign in ((sensor[axis], -1), (size[axis] - sensor[axis], 1)):
-            level = WAVELENGTH / (8 * np.pi * distance)
-            if level < 3e-3 * np.abs(ours).max():
-                continue
-            towards = ATTITUDES["tilted"].T @ (sign * np.eye(3)[axis])
-            assert abs(ours[part.departure @ towards > 0.999].sum() + level * np.exp(2j * K * distance)) < 2e-3 * level
-            heard += 1
-    assert heard >= 3
-
-
-CLOSE = [(0.01, 1.7, 1.1), (0.02, 0.015, 1.1), (0.01, 0.02, 0.03)]
-
-
-@pytest.mark.parametrize("sensor", CLOSE)
+@pytest.mark.parametrize("sensor", [(0.01, 1.7, 1.1), (0.02, 0.015, 1.1), (0.01, 0.02, 0.03)])
 def test_signal_close_to_walls_is_accurate(sensor):
-    """At one centimetre from a wall, the signal is the sum of all images. The amplitude of metal is that of the middle frequency, which is
-    an error of 0.9 % rms over the sweep.
+    """The amplitude of metal is that of the middle frequency, which is an error of 0.9 % rms over the sweep. Panel images with Fresnel
+    factors lost up to half the echo of a wall beside a corner.
     """
     size = (5.0, 4.0, 2.5)
     turn = ATTITUDES["tilted"]
     exact = image_sum(np.array(size), np.array(sensor), turn[:, 2], room_oracles.wall_reflection("metal"), 3, traced.frequencies(RADAR))
     ours = sampled(paths_of(room_oracles.room_scene(size, "metal"), looking(sensor, turn), max_bounces=3))
-    assert np.isfinite(ours).all()
     assert relative_error(ours, exact) < 0.015
-
-
-@pytest.mark.parametrize("sensor", CLOSE[:2])
-def test_every_image_close_to_walls_has_its_level(sensor):
-    """Panel images with Fresnel factors lost up to half the echo of a wall beside a corner: their error was 0.4 to 0.7."""
-    errors, levels, _ = by_image((5.0, 4.0, 2.5), sensor, ATTITUDES["tilted"], bounces=3)
-    assert errors[levels > 5e-3].max() < 0.01
-
-
-def past_plates(distance, place, plates):
-    """Return the factor of a wall's echo at normal incidence behind flat plates in one plane, by Fresnel sums.
-
-    The wall unfolds the way back, so that the plane of the plates is crossed at two distances. Products of the sums over the plates give
-    the field that they remove at one crossing and at both.
-
-    Args:
-        distance, place: distances of the wall and of the plane of the plates, metres.
-        plates: (sign, low (2,), high (2,)) of rectangles, relative to the sensor; a hole has the sign -1.
-    """
-    whole, apart = 2 * distance, 2 * (distance - place)
-
-    def nodes(low, high):
-        step = (high - low) / 1500
-        return low + (np.arange(1500) + 0.5) * step, step
-
-    def once(low, high):
-        y, step = nodes(low, high)
-        ways = sum(np.hypot(d, y) - d for d in (place, whole - place))
-        return np.sqrt(whole / (1j * WAVELENGTH * place * (whole - place))) * np.exp(1j * K * ways).sum() * step
-
-    def twice(low, high, low2, high2):
-        (y, step), (y2, step2) = nodes(low, high), nodes(low2, high2)
-        middle = np.exp(1j * K * (np.hypot(apart, y[:, None] - y2) - apart))
-        start, end = (np.exp(1j * K * (np.hypot(place, x) - place)) for x in (y, y2))
-        return np.sqrt(whole / (place**2 * apart)) / (1j * WAVELENGTH) * (start @ middle @ end) * step * step2
-
-    total = 1.0 + 0j
-    for sign, low, high in plates:
-        total -= 2 * sign * once(low[0], high[0]) * once(low[1], high[1])
-        for sign2, low2, high2 in plates:
-            total += sign * sign2 * twice(low[0], high[0], low2[0], high2[0]) * twice(low[1], high[1], low2[1], high2[1])
-    return total
+    if sensor[2] > 1:
+        errors, levels = by_image(size, sensor, turn, bounces=3)
+        assert errors[levels > 5e-3].max() < 0.01
 
 
 def wall_at(distance):
@@ -232,29 +136,23 @@ def between(parts, low_m, high_m):
     ids=["middle", "beside the middle", "aside", "1 cm from the line"],
 )  # fmt: skip
 def test_wall_behind_a_plate_matches_fresnel_sums(centre, limit):
-    """The paths over the wall, with and without edges, add up to the field of Kirchhoff diffraction at both crossings of the plate.
-
-    A line that misses an edge by 1 cm on both ways is in the transition region of both diffractions, where their product is not exact.
-    """
-    half = np.array([0.15, 0.1])
+    """A line that misses an edge by 1 cm on both ways is in the transition region of both diffractions: their product is not exact."""
     plate = objects.plate(0.3, 0.2).apply_translation([0.8, *centre])
     parts = paths_of(rt.Scene([wall_at(1.5), rt.Surface(plate, "metal", "plate", role="room")]), looking((0, 0, 0)), max_bounces=3)
-    exact = -past_plates(1.5, 0.8, [(1, np.array(centre) - half, np.array(centre) + half)]) * np.exp(3j * K)
+    y, z = (np.arange(-half + 2.5e-4, half, 5e-4) for half in (0.15, 0.1))
+    exact = -two_ways(np.ones((len(y), len(z))), y + centre[0], z + centre[1], 0.8, 1.5, K) * np.exp(3j * K)
     assert abs(between(parts, 2.9, 3.9) * 8 * np.pi * 1.5 / WAVELENGTH - exact) < limit
 
 
 def test_box_over_the_floor_hides_the_floor():
-    """A box that floats 1 cm above the floor, exactly below the radar, hides the mirror path of the floor. Its lid has the level of Fresnel
-    integrals over the lid.
-    """
+    """The box floats 1 cm above the floor, exactly below the radar. Its lid has the level of Fresnel integrals."""
     floor = rt.Surface(rooms.rectangle([-2, -2, 0], np.eye(3)[0], np.eye(3)[1], (4, 4)), "metal", "floor", role="room")
     box = rt.Surface(objects.box([-0.3, -0.25, 0.01], [0.3, 0.25, 0.41]), "metal", "box", role="room")
     place = np.array([0.1, 0.05, 1.6])
     parts = paths_of(rt.Scene([floor, box]), looking(place), max_bounces=1)
     assert np.abs(parts[0].length_m - 3.2).min() > 0.01
-    lid = wall_factor(1.19, np.array([-0.3, -0.25]) - place[:2], np.array([0.3, 0.25]) - place[:2])
-    level = WAVELENGTH / (8 * np.pi * 1.19)
-    assert abs(between(parts, 2.3, 2.9) + lid * level * np.exp(2.38j * K)) < 0.05 * level
+    lid = panel_quadrature(np.array([(-0.3, -0.25, 0.41), (0.3, -0.25, 0.41), (0.3, 0.25, 0.41), (-0.3, 0.25, 0.41)]), place, WAVELENGTH)
+    assert abs(between(parts, 2.3, 2.9) - lid) < 0.05 * WAVELENGTH / (8 * np.pi * 1.19)
 
 
 def keller(angle, distance, sign):
@@ -272,8 +170,8 @@ ROLLED = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # the antenna's axis is
 
 @pytest.mark.parametrize(("edge", "rotation", "sign"), [(1.2, ROLLED, -1), (2.0, np.eye(3), 1)], ids=["near", "far"])
 def test_table_top_echoes_at_its_edges(edge, rotation, sign):
-    """A table top 0.35 m below the radar, from 1.2 to 2.0 m ahead, echoes at 1.25 m in horizontal and at 2.03 m in vertical polarisation,
-    with the levels of Keller's edges. It has no echo at 0.35 m, where panel images had both edges.
+    """A table top 0.35 m below the radar echoes at its near edge in horizontal and at its far edge in vertical polarisation, and not at
+    0.35 m, where panel images had both edges.
     """
     top = rt.Surface(rooms.rectangle([1.2, -1.5, -0.35], np.eye(3)[0], np.eye(3)[1], (0.8, 3.0)), "metal", "top", role="room")
     parts = paths_of(rt.Scene([top]), looking((0, 0, 0), rotation))
@@ -326,18 +224,6 @@ def test_edge_behind_a_slit_echoes_at_its_foot():
     assert np.abs(lengths - 2 * np.hypot(3, 0.3)).min() < 1e-6
 
 
-def test_strip_turned_by_45_degrees_echoes_at_its_edges():
-    """The field is along both edges. Panel images were up to 60 dB below the echoes of a strip that is turned away from the radar."""
-    strip = objects.plate(0.3, 4.0).apply_transform(traced.pose([1.0, 0, 0], Rotation.from_euler("z", 45, degrees=True).as_matrix()))
-    parts = paths_of(rt.Scene([rt.Surface(strip, "metal", "strip", role="room")]), looking((0, 0, 0)))
-    ends = np.unique(np.round(strip.vertices[:, :2], 6), axis=0)
-    for i in range(2):
-        distance, into = np.linalg.norm(ends[i]), ends[1 - i] - ends[i]
-        angle = np.arccos(-(ends[i] @ into) / (distance * np.linalg.norm(into)))
-        ours = abs(between(parts, 2 * distance - 0.05, 2 * distance + 0.05))
-        assert ours == pytest.approx(keller(angle, distance, -1), rel=0.08)
-
-
 def test_room_with_too_many_edges_warns_and_has_one_diffraction_a_path(monkeypatch):
     strip = rooms.rectangle([1.0, -0.02, -1.0], np.array([0.8, 0.6, 0.0]), np.eye(3)[2], (0.05, 2.0))
     scene = rt.Scene([rt.Surface(strip, "metal", "strip", role="room")])
@@ -349,25 +235,17 @@ def test_room_with_too_many_edges_warns_and_has_one_diffraction_a_path(monkeypat
     assert twice > 2
 
 
-@pytest.mark.parametrize("side", [6.0, 0.15, 0.3])
+@pytest.mark.parametrize("side", [6.0, 0.3])
 def test_equal_planes_count_once(side):
-    """A second wall in the place of the first, and a patch of the same material in the plane of a wall, change nothing. Panel images gave
-    +6 dB for the second wall and +3 to +4 dB for the patches.
-    """
+    """A second wall in the place of the first, and a patch in the plane of a wall, change nothing."""
     patch = rt.Surface(rooms.rectangle([3, side / 2, -side / 2], -np.eye(3)[1], np.eye(3)[2], (side, side)), "metal", "patch", role="room")
     alone, both = (between(paths_of(rt.Scene(scene), looking((0, 0, 0))), 5.9, 6.1) for scene in ([wall_at(3.0)], [wall_at(3.0), patch]))
     assert 20 * np.log10(abs(both / alone)) == pytest.approx(0, abs=0.01)
 
 
-@pytest.mark.parametrize(
-    ("half", "role", "limit_db"), [pytest.param(0.3, "room", 1.0, id="room"), pytest.param(0.2, "object", 2.0, id="object")]
-)
-def test_wall_seen_through_a_frame_keeps_its_echo(half, role, limit_db):
-    """A frame of bars of 1 cm is an obstacle with a hole. When the frame hid its convex hull, the wall behind it lost 20 dB.
-
-    The shadow of a small object uses the point of reflection as the end of the line, which gives 1.5 dB more than Fresnel sums.
-    """
-    low, high, width = np.array([-half + 0.09, -half + 0.05]), np.array([half + 0.09, half + 0.05]), 0.01
+def test_wall_seen_through_a_frame_keeps_its_echo():
+    """A frame of bars of 1 cm is an obstacle with a hole. When the frame hid its convex hull, the wall behind it lost 20 dB."""
+    low, high, width = np.array([-0.21, -0.25]), np.array([0.39, 0.35]), 0.01
     hole = low + width, high - width
     bars = [
         objects.box([1.5, *a], [1.51, *b])
@@ -376,49 +254,22 @@ def test_wall_seen_through_a_frame_keeps_its_echo(half, role, limit_db):
             ((low[0], hole[0][1]), (hole[0][0], hole[1][1])), ((hole[1][0], hole[0][1]), (high[0], hole[1][1])),
         )
     ]  # fmt: skip
-    frame = rt.Surface(objects.joined(bars), "metal", "frame", role=role)
+    frame = rt.Surface(objects.joined(bars), "metal", "frame", role="room")
     alone, through = (
         between(paths_of(rt.Scene(things), looking((0, 0, 0))), 5.9, 6.2) for things in ([wall_at(3.0)], [wall_at(3.0), frame])
     )
     level_db = 20 * np.log10(abs(through / alone))
     assert level_db > -1.0
-    assert level_db == pytest.approx(20 * np.log10(abs(past_plates(3.0, 1.5, [(1, low, high), (-1, *hole)]))), abs=limit_db)
-
-
-@pytest.mark.parametrize("name", ["lab", "atrium", "squash_court"])
-def test_first_order_echoes_are_at_the_walls(name):
-    """In this test of the first echoes from the walls, the radar is 0.4 m above the floor. The metal plate in front of the squash court's
-    front wall is 45 mm thick.
-    """
-    scene, pose = rooms.room(name, detail="shell"), rooms.bench(name, 0.4).sensor_pose
-    length, width, height = scene.provenance["size_m"]
-    front = length - pose[0, 3] - (0.045 if name == "squash_court" else 0.0)
-    lengths = BOUNCE.paths(scene, RADAR, pose[None])[0].length_m
-    for distance in (front, pose[0, 3], width / 2, 0.4, height - 0.4):
-        assert np.abs(lengths / 2 - distance).min() < 2e-3, distance
-
-
-# ---- a moving sensor
+    y, z = (np.arange(low[i] + 5e-4, high[i], 1e-3) for i in range(2))
+    open_y, open_z = ((hole[0][i] < axis) & (axis < hole[1][i]) for i, axis in enumerate((y, z)))
+    exact = two_ways(1.0 - np.outer(open_y, open_z), y, z, 1.5, 3.0, K)
+    assert level_db == pytest.approx(20 * np.log10(abs(exact)), abs=1.0)
 
 
 def along(start, stop, frames):
     poses = np.tile(np.eye(4), (frames, 1, 1))
     poses[:, :3, 3] = np.linspace(start, stop, frames)
     return poses
-
-
-@pytest.mark.parametrize("speed", [0.3, -0.3])
-def test_motion_towards_a_wall_changes_each_path_length(speed):
-    """At 0.3 m/s towards the front wall, the path to the front wall shortens by 0.6 m/s and the path to the back wall grows by 0.6 m/s. The
-    path lengths to the side walls stay constant.
-    """
-    poses = along((2.0, 1.7, 1.1), (2.0 + speed / RADAR.frame_rate_hz * 9, 1.7, 1.1), 10)
-    part = paths_of(room_oracles.room_scene((6.0, 4.0, 2.5), "metal"), poses, max_bounces=2)[0]
-    one = part.bounces == 1
-    expected = -2 * speed * part.departure[one, 0]
-    np.testing.assert_allclose(part.rate_mps[one], expected, atol=1e-4)
-    assert part.rate_mps[one].min() == pytest.approx(-0.6, abs=1e-4)
-    assert part.rate_mps[one].max() == pytest.approx(0.6, abs=1e-4)
 
 
 def test_rates_match_length_differences():
@@ -443,9 +294,7 @@ def test_rates_match_length_differences():
 
 @pytest.mark.parametrize("places", [(0.05, 0.13), (0.06, 0.3)], ids=["between", "where key and test places hand over"])
 def test_signal_is_smooth_along_a_motion(places):
-    """The change of the phases alone explains a second difference of 0.008 over steps of 20 um, because (2 k 20 um)^2 is 0.004 and the
-    crest factor is about two. The sensor moves 0.32 m along x in the furnished laboratory.
-    """
+    """The phases alone explain a second difference of 0.008 over steps of 20 um: (2 k 20 um)^2 is 0.004, the crest factor about two."""
     fine = np.concatenate([np.arange(0, 0.33, 0.04), *(place + 2e-5 * np.arange(-4, 5) for place in places)])
     where = np.unique(np.round(fine, 7))
     poses = np.tile(np.eye(4), (len(where), 1, 1))
@@ -456,39 +305,6 @@ def test_signal_is_smooth_along_a_motion(places):
     assert len(bends) >= 7 * len(places)
     steps = np.abs(signal[bends + 1] - 2 * signal[bends] + signal[bends - 1]) / np.sqrt(np.mean(np.abs(signal) ** 2))
     assert steps.max() < 0.015
-
-
-@pytest.mark.filterwarnings("ignore::radartwin.simulation.flat.room.RoomWarning")
-def test_poses_are_nearly_independent(monkeypatch):
-    """Reflection sequences that are found at one pose can add paths at other poses, but cannot remove any. A moving sensor has one
-    amplitude for all channels, a resting one has an amplitude per channel; this alone changes 0.05 to 0.08 of the signal. The test limits
-    both to one diffraction a path.
-    """
-    monkeypatch.setattr(flat_room, "MAX_EDGES", 0)
-    poses = along((1.0, -0.6, 1.0), (1.0, 0.6, 1.0), 5)
-    scene = rooms.lab(detail="furnished")
-    parts = paths_of(scene, poses, max_bounces=2)
-    for i in (0, 2, 4):
-        alone = sampled(paths_of(scene, poses[i : i + 1], max_bounces=2))
-        moving = sampled([part.frames(i, i + 1) if part.poses > 1 else part for part in parts])
-        assert relative_error(alone, moving) < 0.1
-
-
-def test_no_path_along_a_motion_is_listed_in_both_directions():
-    """A path with edges and its reverse are one sequence, at whichever place it was found. The search orders arrivals at an edge by their
-    strength, which differs from place to place.
-    """
-    drives = Track.of_drives(list(rooms.lab(detail="furnished")), RADAR, along((0.4, -0.15, 0.4), (0.4, 0.15, 0.4), 4), TraceSettings())
-    searched = drives.searched
-    assert searched is not None
-    every = searched.sequences
-    listed = set()
-    for count, edge, chain in zip(every.count, every.edge, every.chain, strict=True):
-        faces = chain[: count.sum()].tolist()
-        listed.add((tuple(count), tuple(edge), tuple(faces)))
-        if edge[0] >= 0 and edge[1] < 0 and (count[0], faces) != (count[2], faces[::-1]):
-            assert ((count[2], count[1], count[0]), tuple(edge), tuple(faces[::-1])) not in listed
-    assert len(listed) == len(every) > 500
 
 
 @pytest.mark.parametrize("rotation", list(ATTITUDES))
@@ -513,9 +329,6 @@ def test_channels_match_images_seen_by_each_element(rotation):
     assert relative_error(ours, exact) < 0.03
     turned = np.angle((ours * exact.conj()).sum(axis=-1))
     assert np.degrees(np.abs(turned - turned.mean())).max() < 0.5
-
-
-# ---- damaged input
 
 
 def fuzzed(seed):
@@ -565,72 +378,24 @@ def test_fuzzed_rooms_stay_finite_and_passive(seed):
         np.testing.assert_allclose(np.linalg.norm(part.departure, axis=1), 1, atol=1e-6)
 
 
-def share_above(y, z):
-    """Return the echo of a plate of 6 m x 6 m at 1 m over that of an infinite mirror, for a sensor beside the plate's middle."""
-    panel = rt.Scene([rt.Surface(objects.plate(6.0, 6.0), "metal", "wall", role="room")])
-    signal = [fields(paths_of(panel, looking((-1.0, y + hair, z + hair / 3))), 1)[0] for hair in (0.0, 1e-9, -1e-6)]
-    return np.abs(signal) * 8 * np.pi / WAVELENGTH
-
-
-def test_sensor_above_an_edge_sees_half_an_image():
-    """A small offset of the sensor does not change this result."""
-    for y, z, share in ((3.0, 0.0, 0.5), (0.0, -3.0, 0.5), (0.0, 0.0, 1.0)):
-        assert share_above(y, z) == pytest.approx(share, abs=0.01)
-
-
-def test_sensor_above_a_corner_sees_a_quarter_of_an_image():
-    """The wave of the corner is minus the product of the waves of its two edges."""
-    for y, z in ((3.0, 3.0), (-3.0, 3.0)):
-        assert share_above(y, z) == pytest.approx(0.25, abs=0.01)
-
-
-# ---- against converged tubes
-
-
-@pytest.mark.slow
-def test_single_bounces_of_the_furnished_lab_match_tubes():
-    scene = rooms.lab(detail="furnished")
-    pose = looking((1.0, 0.0, 1.0))
-    reference = sampled(paths_of(scene, pose, room="tubes", rays=5_000_000, max_bounces=1))
-    ours = sampled(paths_of(scene, pose, max_bounces=1))
-    assert relative_error(ours, reference) < 0.02
-
-
-@pytest.mark.slow
-def test_two_bounces_of_the_lab_shell_match_images():
-    """The walls of the laboratory form a box except for door and window, which close the openings without a gap. With a single material,
-    all images are known.
-    """
-    scene = rt.Scene([s.replaced(material="concrete", roughness_m=0.0) for s in rooms.lab(detail="shell")])
-    place = np.array([1.0, 0.1, 1.1])
-    exact = image_sum(
-        np.array([6.0, 5.0, 2.8]), place + np.array([0, 2.5, 0]), ATTITUDES["tilted"][:, 2], room_oracles.wall_reflection("concrete"), 4,
-        traced.frequencies(RADAR),
-    )  # fmt: skip
-    ours = sampled(paths_of(scene, looking(place, ATTITUDES["tilted"])))
-    assert relative_error(ours, exact) < 0.03
-
-
-@pytest.mark.parametrize("role", ["object", "room"])
-def test_wall_behind_small_boxes_matches_fresnel_sums(role):
+def test_wall_behind_small_boxes_matches_fresnel_sums():
     """Four boxes of 2 cm, 12 cm apart, are 2.2 m from the radar, in front of a wall that is 3 m from the radar."""
     corners = [np.array([y, z]) for y in (-0.06, 0.06) for z in (-0.06, 0.06)]
     boxes = [
-        rt.Surface(objects.box((2.2, *(at - 0.01)), (2.21, *(at + 0.01))), "metal", f"box {i}", role=role) for i, at in enumerate(corners)
+        rt.Surface(objects.box((2.2, *(at - 0.01)), (2.21, *(at + 0.01))), "metal", f"box {i}", role="room") for i, at in enumerate(corners)
     ]
     free, hidden = (
         between(paths_of(rt.Scene(things), looking((0, 0, 0)), max_bounces=3), 5.95, 6.25)
         for things in ([wall_at(3.0)], [wall_at(3.0), *boxes])
     )
-    assert abs(hidden / free - past_plates(3.0, 2.2, [(1, at - 0.01, at + 0.01) for at in corners])) < 0.25
+    y = np.arange(-0.07 + 2.5e-4, 0.07, 5e-4)
+    row = np.abs(np.abs(y) - 0.06) < 0.01
+    assert abs(hidden / free - two_ways(np.outer(row, row).astype(float), y, y, 2.2, 3.0, K)) < 0.25
 
 
-@pytest.mark.parametrize("height", [1.2, 2.7])
-def test_round_pillar_in_a_flat_room_loses_no_face(height):
-    """The tracer loses no mesh face of a round pillar in a flat room: the echo level of the pillar agrees within 0.5 dB with a simulation
-    of the whole room by ray tubes.
-    """
-    pillar = trimesh.creation.cylinder(0.15, height, sections=64).apply_translation([2.5, 0, height / 2 + 0.01])
+def test_round_pillar_in_a_flat_room_loses_no_face():
+    """The pillar's echo is that of a simulation of the whole room by ray tubes."""
+    pillar = trimesh.creation.cylinder(0.15, 2.7, sections=64).apply_translation([2.5, 0, 1.36])
     scene = rt.Scene([*rooms.lab(), rt.Surface(pillar, "metal", "pillar")])
     levels = []
     for room in ("auto", "tubes"):
@@ -639,11 +404,9 @@ def test_round_pillar_in_a_flat_room_loses_no_face(height):
     assert levels[0] == pytest.approx(levels[1], abs=0.5)
 
 
-@pytest.mark.parametrize("depth_m", [0.15, 0.3])
-def test_wall_with_a_deep_cavity_has_its_reflection_at_every_sample(depth_m):
-    """The samples of a wall over the samples of a metal wall are the reflection at normal incidence at the frequency of each sample, as a
-    sum over all echoes between the boards gives it. The level of the metal wall is that of the middle frequency at all samples, and the
-    level of the other wall is proportional to the wavelength.
+def test_wall_with_a_deep_cavity_has_its_reflection_at_every_sample():
+    """The exact reflection is that of a transfer matrix. The level of a metal wall is that of the middle frequency at all samples, and
+    the level of the other wall is proportional to the wavelength.
     """
     wall = objects.plate(60.0, 60.0).apply_translation((2.0, 0.0, 0.0))
     radar = rt.Radar.iwr1843(element="isotropic")
@@ -653,28 +416,13 @@ def test_wall_with_a_deep_cavity_has_its_reflection_at_every_sample(depth_m):
         return rt.simulate(scene, radar, np.eye(4)[None], simulator=BOUNCE).iq[0, 0, 0, 0]
 
     frequency = radar.start_frequency_hz + radar.slope_hz_per_s * np.arange(radar.num_samples) / radar.sample_rate_hz
-    outer, through, back = board(frequency)
-    delay = np.exp(-2j * np.pi * frequency * 2 * depth_m / SPEED_OF_LIGHT)
-    exact = outer + sum(through**2 * outer * delay * (back * outer * delay) ** n for n in range(40))
-    stack = rt.Layered([("plasterboard", 0.0125), ("air", depth_m), ("plasterboard", 0.0125)])
-    found = samples(stack) / samples("metal") * frequency / radar.center_frequency_hz
-    assert np.abs(found + np.conj(exact)).max() < 3e-3
+    layers = [("plasterboard", 0.0125), ("air", 0.3), ("plasterboard", 0.0125)]
+    exact = np.array([stack.stack(layers, "air", 0.0, one)[0] for one in frequency])
+    ratio = samples(rt.Layered(layers)) / samples("metal") * frequency / radar.center_frequency_hz
+    assert np.abs(ratio + np.conj(exact)).max() < 3e-3
 
 
-def board(frequency_hz):
-    """Return reflection, transmission and reflection from behind of 12.5 mm plasterboard at normal incidence (Airy's formulas).
-
-    The permittivity 2.73 - j sigma/(2 pi f eps0), sigma = 0.0085 f^0.9395 S/m with f in GHz, is that of ITU-R P.2040-4.
-    """
-    loss = 0.0085 * (frequency_hz / 1e9) ** 0.9395 / (2 * np.pi * frequency_hz * 8.8541878128e-12)
-    index = np.sqrt(2.73 - 1j * loss)
-    face = (1 - index) / (1 + index)
-    once = np.exp(-2j * np.pi * frequency_hz * index * 0.0125 / SPEED_OF_LIGHT)
-    reflected = face * (1 - once**2) / (1 - face**2 * once**2)
-    return reflected, (1 - face**2) * once / (1 - face**2 * once**2), reflected
-
-
-@pytest.mark.parametrize("material", ["plasterboard", "concrete", "metal"])
+@pytest.mark.parametrize("material", ["concrete", "metal"])
 def test_echo_of_an_inner_corner_is_continuous_in_its_angle(material):
     """A corner of exactly 90 degrees has a double image and no edge. Beside this angle, the edge continues the doubly reflected waves."""
     echoes = []
@@ -689,12 +437,6 @@ def test_echo_of_an_inner_corner_is_continuous_in_its_angle(material):
     assert np.abs(change[:2]).max() < 0.1
     assert np.abs(change[2]).max() < 0.3
     assert np.abs(change[3:]).max() < 2
-
-
-def fresnel_of(cosine, permittivity=3.0):
-    """Return the TE and TM reflection of a dielectric half-space, with +1 for TM on metal."""
-    root = np.sqrt(permittivity - (1 - cosine**2))
-    return (cosine - root) / (cosine + root), (permittivity * cosine - root) / (permittivity * cosine + root)
 
 
 @compiled
@@ -721,14 +463,14 @@ def test_inner_corner_continues_the_wave_that_both_faces_reflect(opening, source
 
     fields = soft_and_hard(way)
     for normal in normals if first == 0 else normals[::-1]:
-        te, tm = fresnel_of(abs(way @ normal))
+        te, tm = stack.fresnel(3.0, abs(way @ normal))
         across = np.cross(way, normal)
         across /= np.linalg.norm(across)
         out = way - 2 * (way @ normal) * normal
         fields = te * np.outer(fields @ across, across) + tm * np.outer(fields @ np.cross(across, way), np.cross(across, out))
         way = out
     exact = soft_and_hard(way) @ fields.T
-    te, tm = (np.ascontiguousarray(values[None, :, None], complex) for values in fresnel_of(np.linspace(0, 1, 4001)))
+    te, tm = (np.ascontiguousarray(values[None, :, None], complex) for values in stack.fresnel(3.0, np.linspace(0, 1, 4001)))
     there = np.arctan2(way[1], way[0])
     matrix = np.reshape(doubled(wedge, te, tm, there, phi0, sine, cosine), (2, 2))
     np.testing.assert_allclose(matrix, exact, atol=1e-4)

@@ -1,6 +1,4 @@
-"""Compare the lobe of Kirchhoff scattering with energy balances, with the scattering integral, and with physical optics on generated rough
-surfaces.
-"""
+"""Compare the lobe of Kirchhoff scattering with energy balances and with the scattering integral."""
 
 import numpy as np
 import pytest
@@ -13,10 +11,9 @@ from radartwin.simulation import diffuse
 
 FREQUENCY_HZ = 77e9
 K = 2 * np.pi * FREQUENCY_HZ / 299_792_458.0
-METAL = 20e-3  # correlation length of metal surfaces
 
 
-def half_space(steps: int = 600):
+def half_space(steps: int = 400):
     """Return directions (N, 3) and solid angles (N,) of the half-space z > 0, by the midpoint rule in polar angle and azimuth."""
     polar = np.pi / 2 * (np.arange(steps) + 0.5) / steps
     azimuth = 2 * np.pi * (np.arange(steps) + 0.5) / steps
@@ -45,35 +42,28 @@ def removed(height: float, angle_deg: float) -> float:
     return 1 - np.exp(-4 * (K * height * np.cos(np.radians(angle_deg))) ** 2)
 
 
-@pytest.mark.parametrize("angle_deg", [0.0, 30.0, 60.0])
-@pytest.mark.parametrize("height", [0.05e-3, 0.1e-3, 0.2e-3, 0.4e-3])
-def test_removed_power_reappears_in_the_half_space(height, angle_deg):
-    """For metal, Kirchhoff's own pattern holds the removed power within 1 %, and the lobe has a unit integral within 1 %."""
+@pytest.mark.parametrize("angle_deg", [0.0, 60.0])
+@pytest.mark.parametrize(("height", "length"), [(0.05e-3, 20e-3), (0.4e-3, 20e-3), (0.05e-3, 2e-3), (2e-3, 5e-3), (5e-3, 50e-3)])
+def test_removed_power_reappears_in_the_half_space(height, length, angle_deg):
+    """The lobe has a unit integral for every roughness, and Kirchhoff's own pattern holds the power that long waves of metal remove."""
     away, solid = half_space()
     cosine = np.cos(np.radians(angle_deg))
-    power = (cross_section(height, METAL, K, cosine, away) * solid).sum() / (4 * np.pi * cosine)
-    assert power == pytest.approx(removed(height, angle_deg), rel=0.01)
-    assert (scattered_lobe(height, METAL, K, cosine, away) * solid).sum() == pytest.approx(1.0, rel=0.01)
-
-
-@pytest.mark.parametrize("angle_deg", [0.0, 40.0, 60.0, 80.0])
-@pytest.mark.parametrize(("height", "length"), [(0.05e-3, 2e-3), (0.3e-3, 1e-3), (0.4e-3, 3e-3), (2e-3, 5e-3), (5e-3, 50e-3)])
-def test_lobe_has_unit_integral_for_every_roughness(height, length, angle_deg):
-    away, solid = half_space(400)
-    lobe = scattered_lobe(height, length, K, np.cos(np.radians(angle_deg)), away)
-    assert (lobe * solid).sum() == pytest.approx(1.0, rel=0.01)
+    assert (scattered_lobe(height, length, K, cosine, away) * solid).sum() == pytest.approx(1.0, rel=0.01)
+    if length == 20e-3:
+        power = (cross_section(height, length, K, cosine, away) * solid).sum() / (4 * np.pi * cosine)
+        assert power == pytest.approx(removed(height, angle_deg), rel=0.01)
 
 
 @pytest.mark.parametrize(
     ("material", "angle_deg"),
-    [("metal", 0.0), ("metal", 40.0), ("metal", 60.0), ("concrete", 0.0), (Layered([("plasterboard", 0.0125)]), 0.0)],
+    [("metal", 0.0), ("metal", 60.0), ("concrete", 0.0), (Layered([("plasterboard", 0.0125)]), 0.0)],
 )
 def test_half_space_gets_the_fresnel_power_of_layered_faces(material, angle_deg):
     """The scattered power plus the mirror reflection of the rough face is the mirror reflection of the smooth face. A dielectric meets this
     at normal incidence only, because the facets that scatter back have the reflection coefficient of normal incidence.
     """
     height, length, frequency = 0.3e-3, 5e-3, np.linspace(77e9, 80e9, 5)
-    away, solid = half_space(400)
+    away, solid = half_space()
     cosine = np.array([np.cos(np.radians(angle_deg))])
     lobe = scattered_lobe(height, length, K, float(cosine[0]), away)
     share = diffuse.scattered_share(material, height, cosine, frequency)
@@ -81,8 +71,8 @@ def test_half_space_gets_the_fresnel_power_of_layered_faces(material, angle_deg)
     assert share * (lobe * solid).sum() + rough.mean(axis=1)[:, None] == pytest.approx(smooth.mean(axis=1)[:, None], rel=0.01)
 
 
-@pytest.mark.parametrize("height", [0.05e-3, 0.1e-3, 0.3e-3, 0.6e-3])
-@pytest.mark.parametrize("length", [2e-3, 3e-3, 5e-3])
+@pytest.mark.parametrize("height", [0.05e-3, 0.3e-3, 0.6e-3])
+@pytest.mark.parametrize("length", [2e-3, 5e-3])
 def test_backscatter_follows_the_scattering_integral(height, length):
     """The tabulated backscatter of a conductor is within 1 dB of the integral at 0 to 30 degrees. The largest difference is the step that
     restores the energy, at the shortest correlation length and the largest height.
@@ -97,43 +87,6 @@ def test_backscatter_follows_the_scattering_integral(height, length):
         lobe = float(np.interp(angle_deg, np.linspace(0, 90, ANGLES), table))
         found = 4 * np.pi * cosine * removed(height, angle_deg) * lobe
         assert abs(10 * np.log10(found / expected)) < 1.0
-
-
-@pytest.mark.parametrize(("height", "length", "angles_deg"), [
-    (0.05e-3, 2e-3, (0, 10, 20, 30)),
-    (0.4e-3, 2e-3, (0, 10, 20, 30)),
-    (0.1e-3, 5e-3, (0, 10, 20)),
-    (1.2e-3, 6e-3, (0, 10, 20, 30)),  # k sigma = 1.9: the limit of small roughness is 23 dB too strong
-])  # fmt: skip
-def test_backscatter_follows_physical_optics_on_generated_surfaces(height, length, angles_deg):
-    """The lobe agrees within 1 dB with the mean power that random Gaussian surfaces scatter back by physical optics.
-
-    The surfaces are periodic, and each angle is the nearest one at which the phase of the wave has the same period. The field of a period
-    then has no edge effects.
-    """
-    rng = np.random.default_rng(7)
-    count, step, surfaces = 240, 0.4e-3, 150
-    axis = np.arange(count) * step
-    frequency = 2 * np.pi * np.fft.fftfreq(count, step)
-    spectrum = np.pi * length**2 * np.exp(-(frequency[:, None] ** 2 + frequency**2) * length**2 / 4)
-    angles = np.arcsin(np.round(2 * K * np.sin(np.radians(angles_deg)) / frequency[1]) * frequency[1] / (2 * K))
-    assert np.degrees(angles) == pytest.approx(np.array(angles_deg, float), abs=0.7)
-    fields = np.zeros((len(angles), surfaces, 4), complex)
-    for n in range(surfaces):
-        heights = height * np.fft.ifft2(np.fft.fft2(rng.standard_normal((count, count))) * np.sqrt(spectrum) / step).real
-        for part in range(4):
-            turned = np.rot90(heights, part)
-            slope = np.fft.ifft(1j * frequency[:, None] * np.fft.fft(turned, axis=0), axis=0).real
-            for i, angle in enumerate(angles):
-                phase = 2 * K * (turned * np.cos(angle) + axis[:, None] * np.sin(angle))
-                fields[i, n, part] = ((np.cos(angle) - slope * np.sin(angle)) * np.exp(1j * phase)).sum() * step**2
-    for angle, field in zip(angles, fields, strict=True):
-        # The surfaces have no mean field away from the normal direction.
-        mean = field[:, 0].mean() if angle == 0 else 0.0
-        scattered = K**2 / np.pi * (np.abs(field - mean) ** 2).mean() / (count * step) ** 2
-        found = 4 * np.pi * np.cos(angle) * removed(height, np.degrees(angle))
-        found *= scattered_lobe(height, length, K, np.cos(angle), back(np.degrees(angle)))
-        assert abs(10 * np.log10(found / scattered)) < 1.0, np.degrees(angle)
 
 
 def test_very_rough_surfaces_reach_the_limit_of_geometrical_optics():

@@ -1,12 +1,12 @@
 """Compare reflection and transmission of materials with transfer matrices, published values and reference tables."""
 
-import csv
 import subprocess
 import sys
 import warnings
 
 import numpy as np
 import pytest
+from panes import tangential
 
 from radartwin.errors import MaterialError
 from radartwin.materials import (
@@ -24,105 +24,24 @@ from radartwin.materials import (
     varied,
 )  # fmt: skip
 from radartwin.materials.itu import P2040, STAND_INS
-from radartwin.materials.layers import stack_coefficients
 from radartwin.materials.roughness import CLASSES, ament, ament_transmitted
-from radartwin.simulation.reflection_table import DispersionWarning, build, chebyshev_nodes, lagrange_basis
+from radartwin.simulation.reflection_table import DispersionWarning, build, lagrange_basis
 
 C = 299_792_458.0
-
-
-def transfer_matrix(layers, backing, angle, frequency, parallel):
-    """Return reflection and transmission of a layer stack from Abeles' characteristic matrices, a method that does not share code with the
-    package (Born & Wolf, section 1.6).
-    """
-    k0 = 2 * np.pi * frequency / C
-    sine = np.sin(angle)
-
-    def admittance(eps):
-        cosine = np.sqrt(1 - sine**2 / eps + 0j)
-        return np.sqrt(eps + 0j) / cosine if parallel else np.sqrt(eps + 0j) * cosine
-
-    total = np.eye(2, dtype=complex)
-    behind = admittance(backing)
-    for eps, thickness in layers:
-        delta = k0 * np.sqrt(eps - sine**2 + 0j) * thickness
-        y = admittance(eps)
-        total = total @ np.array([[np.cos(delta), 1j * np.sin(delta) / y], [1j * y * np.sin(delta), np.cos(delta)]])
-    b, c = total @ np.array([1, behind])
-    y0 = admittance(1.0)
-    return (y0 * b - c) / (y0 * b + c), 2 * y0 / (y0 * b + c)
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 30.0, 60.0, 80.0])
 @pytest.mark.parametrize("stack", [[("plasterboard", 0.0125)], [("glass", 0.004), ("air", 0.016), ("glass", 0.004)], [("pet", 0.001)], []])
 @pytest.mark.parametrize("backing", ["air", "water", "concrete"])
 def test_layers_match_characteristic_matrices(stack, backing, angle_deg):
-    f = 78e9
-    layers = [(complex(permittivity(name, f)), d) for name, d in stack]
-    te, tm = reflection(Layered(stack, backing), np.cos(np.radians(angle_deg)), np.array(f))
-    back = complex(permittivity(backing, f))
-    # the matrices give the tangential field; the parallel component along k_r x s has the opposite sign
-    assert te == pytest.approx(transfer_matrix(layers, back, np.radians(angle_deg), f, False)[0], abs=1e-9)
-    assert -tm == pytest.approx(transfer_matrix(layers, back, np.radians(angle_deg), f, True)[0], abs=1e-9)
-
-
-SHELLS = [
-    [("pet", 0.0005)],
-    [("glass", 0.004), ("air", 0.016), ("glass", 0.004)],
-    [("pet", 0.001), ("water", 0.0003), ("hdpe", 0.002)],
-    [("concrete", 0.05)],
-]
-
-
-@pytest.mark.parametrize("angle_deg", [0.0, 30.0, 60.0, 89.0])
-@pytest.mark.parametrize("stack", SHELLS)
-def test_transmission_matches_characteristic_matrices(stack, angle_deg):
-    """The ratio of the tangential fields equals the ratio of the parallel field components, because both sides of the stack are air."""
-    f = 78e9
-    layers = [(complex(permittivity(name, f)), d) for name, d in stack]
-    te, tm = transmission(Layered(stack), np.cos(np.radians(angle_deg)), np.array(f))
-    assert te == pytest.approx(transfer_matrix(layers, 1.0, np.radians(angle_deg), f, False)[1], rel=1e-8)
-    assert tm == pytest.approx(transfer_matrix(layers, 1.0, np.radians(angle_deg), f, True)[1], rel=1e-8)
-
-
-def test_lossless_stacks_conserve_power():
-    """For lossless stacks, |R|^2 + |T|^2 is 1 at every angle in both polarisations. For lossy stacks the sum is less than 1."""
-    cosine, f = np.cos(np.radians(np.linspace(0, 89.9, 181)))[:, None], np.linspace(77e9, 80.44e9, 7)
-    for layers in ([(3.0, 1.1e-3)], [(6.31, 0.004), (1.0, 0.016), (6.31, 0.004)], [(2.9, 5e-4), (9.0, 2e-3), (2.31, 1e-3)]):
-        eta, depth = [np.array(e + 0j) for e, _ in layers], [d for _, d in layers]
-        r_te, r_tm, t_te, t_tm = stack_coefficients(eta, depth, np.array(1.0 + 0j), cosine, f)
-        for r, t in ((r_te, t_te), (r_tm, t_tm)):
-            assert np.abs(r) ** 2 + np.abs(t) ** 2 == pytest.approx(1.0, abs=1e-12)
-    for name in ("pet", "water", "concrete", "metal"):
-        wall = Layered([(name, 1e-3)])
-        for r, t in zip(reflection(wall, cosine, f), transmission(wall, cosine, f), strict=True):
-            assert (np.abs(r) ** 2 + np.abs(t) ** 2 < 1).all()
-
-
-def test_slab_matches_the_airy_closed_form():
-    """The closed form sums the passes of the wave through a single slab: R = r (1 - q^2)/(1 - r^2 q^2) and T = (1 -
-    r^2) q/(1 - r^2 q^2).
-    """
-    f, depth, eta, cosine = 77e9, 0.9e-3, complex(permittivity("pet", 77e9)), np.cos(np.radians(40.0))
-    inside = np.sqrt(eta - 1 + cosine**2)
-    q = np.exp(-2j * np.pi * f / C * depth * inside)
-    for which, r in enumerate(((cosine - inside) / (cosine + inside), (eta * cosine - inside) / (eta * cosine + inside))):
-        wall = Layered([("pet", depth)])
-        assert reflection(wall, cosine, np.array(f))[which] == pytest.approx(r * (1 - q**2) / (1 - r**2 * q**2), rel=1e-9)
-        assert transmission(wall, cosine, np.array(f))[which] == pytest.approx((1 - r**2) * q / (1 - r**2 * q**2), rel=1e-9)
-
-
-def test_transmission_of_half_spaces_air_and_rough_walls():
-    """The model transmits nothing through a half-space of material. A layer of air changes only the phase of a transmitted wave. Surface
-    roughness reduces transmission less than reflection.
-    """
-    assert transmission("concrete", np.array([0.5, 1.0]), np.array(77e9)) == pytest.approx(np.zeros((2, 2)))
-    te, tm = transmission(Layered([("air", 1e-3)]), np.array(0.5), np.array(77e9))
-    assert te == pytest.approx(np.exp(-2j * np.pi * 77e9 / C * 1e-3 * 0.5))
-    assert tm == pytest.approx(te)
-    wall, f = Layered([("pet", 1e-3)]), np.array(77e9)
-    rough, smooth = (abs(transmission(wall, np.array(1.0), f, s)[0]) for s in (2e-4, 0.0))
-    assert ament(2e-4, np.array(1.0), 2 * np.pi * 77e9 / C) < rough / smooth < 1
+    """Both sides of a pane are air, so that the ratio of the tangential fields is that of the components across the direction."""
+    f, cosine = 78e9, np.cos(np.radians(angle_deg))
+    layers, behind = [(complex(permittivity(name, f)), depth) for name, depth in stack], complex(permittivity(backing, f))
+    exact = np.array([tangential(layers, behind, cosine, f, parallel) for parallel in (False, True)])
+    # the parallel component along k_r x s has the opposite sign of the tangential field
+    assert reflection(Layered(stack, backing), cosine, np.array(f)) == pytest.approx(exact[:, 0] * [1, -1], abs=1e-9)
+    if stack and backing == "air":
+        assert transmission(Layered(stack), cosine, np.array(f)) == pytest.approx(exact[:, 1], rel=1e-8)
 
 
 @pytest.mark.filterwarnings("ignore::radartwin.materials.itu.StandInWarning")
@@ -152,78 +71,25 @@ def test_sheets_have_the_published_two_way_loss(name, loss_db):
     assert -20 * np.log10((np.abs(te) ** 2).mean()) == pytest.approx(loss_db, abs=0.6)
 
 
-def test_thick_lossy_wall_equals_its_half_space():
-    te, _ = reflection(Layered([("concrete", 5.0)]), np.array(1.0), np.array(77e9))
-    assert te == pytest.approx(reflection("concrete", np.array(1.0), np.array(77e9))[0], abs=1e-9)
-
-
-def test_metal_is_a_mirror_in_both_polarisations():
-    te, tm = reflection("metal", np.cos(np.radians([0.0, 45.0, 80.0])), np.array(77e9))
-    assert np.allclose(te, -1, atol=2e-3)
-    assert np.allclose(tm, 1, atol=1e-2)
-
-
-def test_slabs_match_the_reference_table(shared_data):
-    """At normal incidence, the reflection of slabs agrees with the independent reference table within 0.05 dB, and that of half-spaces
-    within 0.02 dB.
-    """
-    path = shared_data.parent / "reference" / "slab_reflection_77GHz.csv"
-    checked = 0
-    for row in csv.DictReader(path.read_text().splitlines()):
-        name = row["material"].replace(" ", "_")
-        # for these materials, the reference table extrapolates fits beyond their frequency range
-        if name in ("brick", "plywood", "marble"):
-            continue
-        te, _ = reflection(Layered([(name, float(row["d_mm"]) / 1e3)]), np.array(1.0), np.array(77e9))
-        assert 20 * np.log10(abs(te)) == pytest.approx(float(row["slab77_dB"]), abs=0.05), row
-        half, _ = reflection(half_space(name), np.array(1.0), np.array(77e9))
-        assert 20 * np.log10(abs(half)) == pytest.approx(float(row["halfspace_dB"]), abs=0.02), row
-        checked += 1
-    assert checked >= 7
-
-
 def test_bottle_walls_match_published_levels():
-    """Averaged over the chirp, a PET wall of 1 mm reflects -15 dB if the bottle is empty and -3.6 dB in front of water. A wall of 0.5 mm
-    reflects -6.4 dB and -11.3 dB.
-    """
+    """Of walls of PET before air and before water, averaged over the chirp."""
     f = np.linspace(77e9, 80.44e9, 64)
     for thickness, backing, expected in ((1e-3, "air", -15.0), (1e-3, "water", -3.6), (5e-4, "air", -6.4), (5e-4, "water", -11.3)):
         te, _ = reflection(Layered([("pet", thickness)], backing), np.array(1.0), f)
         assert 10 * np.log10((np.abs(te) ** 2).mean()) == pytest.approx(expected, abs=0.1)
 
 
-def test_ament_loss_matches_reference(shared_data):
-    path = shared_data.parent / "reference" / "ament_roughness_dB.csv"
-    for row in csv.DictReader(path.read_text().splitlines()):
-        factor = ament(float(row["sigma_mm"]) / 1e3, np.cos(np.radians(float(row["theta_deg"]))), 2 * np.pi * 77e9 / C)
-        assert 20 * np.log10(factor) == pytest.approx(float(row["loss_dB"]), rel=1e-3)
-
-
 def test_ament_factor_is_the_mean_over_gaussian_heights():
-    """Up to an rms height of a sixteenth of a wavelength, other height distributions agree with the Gaussian distribution to 0.25 dB. At
-    the Rayleigh criterion the loss is 10.7 dB.
-    """
     k = 2 * np.pi * 77e9 / C
-    wavelength = C / 77e9
-    for share, tolerance_db in ((1 / 32, 0.02), (1 / 16, 0.25)):
-        sigma = share * wavelength
-        loss = 20 * np.log10(ament(sigma, np.array(1.0), k))
-        # mean of cos(2 k h) over flat and sinusoidal profiles of this rms height, by the midpoint rule
-        cell = (np.arange(20_000) + 0.5) / 20_000
-        for heights in (np.sqrt(12) * (cell - 0.5), np.sqrt(2) * np.sin(2 * np.pi * cell)):
-            assert 20 * np.log10(np.cos(2 * k * sigma * heights).mean()) == pytest.approx(loss, abs=tolerance_db)
-    # quadrature over the normal distribution itself, at an oblique angle
     z = np.linspace(-9, 9, 20_001)
     weight = np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi) * (z[1] - z[0])
     assert (weight * np.cos(2 * k * 0.4e-3 * 0.7 * z)).sum() == pytest.approx(ament(0.4e-3, np.array(0.7), k), abs=1e-9)
-    assert 20 * np.log10(ament(wavelength / 8, np.array(1.0), k)) == pytest.approx(-10.7, abs=0.05)
+    assert 20 * np.log10(ament(C / 77e9 / 8, np.array(1.0), k)) == pytest.approx(-10.7, abs=0.05)  # the Rayleigh criterion
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 40.0, 70.0])
 def test_rough_transmission_is_the_mean_over_gaussian_heights(angle_deg):
-    """A height deviation of the surface moves the boundary, so that a path in air is replaced by a path inside the material, refracted by
-    Snell's law.
-    """
+    """A height of the surface replaces a path in air by a path inside the material, refracted by Snell's law."""
     k, sigma, index = 2 * np.pi * 77e9 / C, 0.3e-3, 2.0
     outside = np.radians(angle_deg)
     inside = np.arcsin(np.sin(outside) / index)
@@ -245,14 +111,10 @@ def test_every_material_has_a_roughness_class_with_a_source():
         assert CLASSES[name].correlation_m > CLASSES[name].height_m
     with pytest.raises(MaterialError, match="marzipan"):
         roughness_m("marzipan")
-    te, _ = reflection("metal", np.array(1.0), np.array(77e9))
-    assert abs(te) > 0.999  # a material without roughness is smooth
 
 
 def test_tabulated_rows_are_those_of_the_recommendation():
-    """Real part of the permittivity and conductivity agree with table 3 of the recommendation at both ends of the frequency range of each
-    row.
-    """
+    """Real part of the permittivity and conductivity at the ends of the frequency ranges of table 3."""
     for name, ghz, real, conductivity in (
         ("concrete", 1, 5.24, 0.0462), ("brick", 10, 3.91, 0.0344), ("glass", 77, 6.31, 1.211), ("plasterboard", 100, 2.73, 0.6433),
         ("wood", 10, 1.99, 0.0555), ("metal", 77, 1.0, 1e7), ("marble", 60, 7.074, 0.2439), ("floorboard", 77, 3.66, 1.560),
@@ -272,28 +134,6 @@ def test_material_outside_its_fit_warns_with_both_names(name, stand_in):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         permittivity(name, 9e9 if name != "clear_acrylic" else 200e9)
-
-
-def test_stand_ins_are_the_closest_rows():
-    """If the permittivity data of a material end below 77 GHz, a substitute material with data at 77 GHz takes its place. Of all materials
-    with data at 77 GHz, the substitute has the closest reflection coefficient at the ends of the frequency range of the original data.
-    """
-
-    def fresnel(eta):
-        return abs((1 - np.sqrt(eta)) / (1 + np.sqrt(eta)))
-
-    at_77 = {name: fresnel(complex(permittivity(name, 77e9))) for name in P2040 if name not in STAND_INS}
-    for name, stand_in in STAND_INS.items():
-        wet = {"medium_dry_ground": 0.15, "wet_ground": 0.30}.get(name)
-        if wet:
-            own = fresnel(((1 - wet) * np.sqrt(3.0) + wet * np.sqrt(8.8 - 15.9j)) ** 2)
-        else:
-            ends = sorted({end for fit in P2040[name] for end in (fit.low_ghz, fit.high_ghz)})
-            sides = [end for end in (max((e for e in ends if e < 77), default=None), min((e for e in ends if e > 77), default=None)) if end]
-            own = np.interp(np.log(77), np.log(sides), [fresnel(complex(permittivity(name, end * 1e9))) for end in sides])
-        distance = {row: abs(np.log(value / own)) for row, value in at_77.items()}
-        assert min(distance, key=lambda row: distance[row]) == stand_in, name
-        assert 20 * distance[stand_in] / np.log(10) < 1.1
 
 
 def test_stand_in_warns_once_per_process():
@@ -365,11 +205,9 @@ def cavity(depth_m):
     return Layered([("plasterboard", 0.0125), ("air", depth_m), ("plasterboard", 0.0125)])
 
 
-@pytest.mark.parametrize("depth_m", [0.075, 0.15, 0.3])
+@pytest.mark.parametrize("depth_m", [0.075, 0.3])
 def test_tables_interpolate_the_cavity_of_a_stud_wall_over_sweep_and_angle(depth_m):
-    """Interpolation between frequency nodes and cosines of incidence gives the reflection of a stud wall with an error below 0.003 of the
-    incident field, over a sweep of 3.44 GHz and up to 86 degrees.
-    """
+    """The error is below 0.003 of the incident field over a sweep of 3.44 GHz and up to 86 degrees."""
     wall = cavity(depth_m)
     table = build([(wall, 0.0)], 77e9, 80.44e9)
     f, cosines = np.linspace(77e9, 80.44e9, 211), np.linspace(0.07, 1, 977)
@@ -386,14 +224,6 @@ def test_surfaces_without_delayed_echoes_need_a_small_table():
     assert table.te.shape == (2, 1024, 1)
 
 
-def test_interpolation_between_the_most_frequency_nodes_is_stable():
-    nodes, f = chebyshev_nodes(77e9, 80.44e9, 76), np.linspace(77e9, 80.44e9, 1001)
-    basis = lagrange_basis(nodes, f)
-    assert np.abs(basis).sum(axis=0).max() < 4  # Lebesgue constant, which multiplies rounding errors
-    tone = [np.exp(2j * np.pi * x * 0.8 / 299_792_458) for x in (nodes, f)]  # an echo delayed by 0.8 m
-    assert np.abs(tone[0] @ basis - tone[1]).max() < 1e-9
-
-
 def test_cavity_that_no_table_can_hold_warns_with_surface_error_and_remedy():
     with pytest.warns(DispersionWarning, match=r"surface 'far wall'.*wrong by up to 0\.\d+ .*tolerance of 0\.003.*use thinner layers"):
         build([("metal", 0.0), (cavity(1.0), 0.0)], 77e9, 80.44e9, names=["door", "far wall"])
@@ -405,13 +235,6 @@ def test_factors_multiply_permittivity_and_loss():
     assert off.imag == pytest.approx(0.5 * plain.imag)
     assert permittivity("glass~1.0000~1.0000", 77e9) == plain
     assert varied(varied("glass", 1.1, 0.5), 1 / 1.1, 2.0) == "glass~1.0000~1.0000"
-
-
-def test_a_varied_name_is_accepted_in_a_stack():
-    name = varied("plasterboard", 1.2, 1.0)
-    check_name(name)
-    te, _ = reflection(Layered([(name, 0.0125)], backing=varied("concrete", 0.9, 1.0)), np.array(1.0), np.array(77e9))
-    assert 0 < abs(te) < 1
 
 
 @pytest.mark.parametrize("name", ["glass~1", "glass~a~1", "glass~0~1", "glass~1~-1"])

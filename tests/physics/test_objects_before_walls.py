@@ -1,10 +1,10 @@
-"""Compare the echo of a wall behind flat objects with two-way Kirchhoff quadrature: shadow and paths over object and wall together."""
+"""The echo of a wall behind flat objects, shadow and paths over both together, against two-way Kirchhoff quadrature."""
 
 import numpy as np
 import pytest
 import shapely
 import trimesh
-from scipy.signal import fftconvolve
+from physics_helpers import two_ways
 
 import radartwin as rt
 from experiments.validation.oracles import furnished, moments_2d, traced
@@ -24,24 +24,6 @@ PLATES = {
     "0.1 mm": objects.box((-1e-4, -0.045, -0.065), (0, 0.045, 0.065)),
     "1 mm": objects.box((-1e-3, -0.045, -0.065), (0, 0.045, 0.065)),
 }
-
-
-def two_ways(screen, y, z, place=PLACE, wall=WALL, wavenumber=K):
-    """Return the echo of a mirror at x = `wall` behind a black screen at x = `place`, relative to the free echo.
-
-    The quadrature runs over the screen and over its image: the field passes both. screen: (Y, Z) whether a cell of the grid of y (Y,) and
-    z (Z,) is covered.
-    """
-    area, between, rest = (y[1] - y[0]) * (z[1] - z[0]), 2 * (wall - place), 2 * wall - place
-    near, far = (np.sqrt(d * d + y[:, None] ** 2 + z**2) for d in (place, rest))
-    factor = wavenumber / (2j * np.pi) * area
-    source = screen * np.exp(1j * wavenumber * near) / near * 0.5 * (1 + place / near)
-    once = factor * (source * np.exp(1j * wavenumber * far) / far).sum()
-    aside = [np.arange(1 - len(axis), len(axis)) * (axis[1] - axis[0]) for axis in (y, z)]
-    way = np.sqrt(between**2 + aside[0][:, None] ** 2 + aside[1] ** 2)
-    second = fftconvolve(source, factor * np.exp(1j * wavenumber * way) / way, mode="full")[len(y) - 1 :, len(z) - 1 :][: len(y), : len(z)]
-    twice = factor * (source * second).sum()
-    return 1 - (2 * once - twice) * 2 * wall * np.exp(-2j * wavenumber * wall)
 
 
 def behind(mesh, poses, named=True):
@@ -68,17 +50,16 @@ def at(places):
     return poses
 
 
-@pytest.mark.parametrize("name", PLATES)
-def test_plate_before_a_wall_matches_two_way_kirchhoff_at_every_offset(name):
-    """A plate moves sideways past the line to the wall. Its edge passes this line at 45 mm."""
+def test_plate_before_a_wall_matches_two_way_kirchhoff_at_every_offset():
+    """A plate moves sideways past the line to the wall, which its edge passes at 45 mm. Resting and moving plates are alike."""
     offsets = np.arange(0, 0.2501, 0.0025)
     y, z = (np.arange(-half + 2.5e-4, half, 5e-4) for half in (0.045, 0.065))
-    exact = np.array([two_ways(np.ones((len(y), len(z))), y + offset, z) for offset in offsets])
-    poses = at([(PLACE, offset, 0.0) for offset in offsets])
-    found = behind(PLATES[name], poses)
-    assert np.abs(found - exact).max() < 0.1
-    some = np.flatnonzero(np.isin(np.round(offsets * 1e4), [0, 450, 475, 500, 1000, 2000]))
-    assert behind(PLATES[name], poses[some], named=False) == pytest.approx(found[some], abs=1e-3)
+    exact = np.array([two_ways(np.ones((len(y), len(z))), y + offset, z, PLACE, WALL, K) for offset in offsets])
+    poses, rows = at([(PLACE, offset, 0.0) for offset in offsets]), [0, 18, 19, 20, 40, 80]
+    for name, plate in PLATES.items():
+        moving = behind(plate, poses)
+        assert np.abs(moving - exact).max() < 0.1, name
+        assert behind(plate, poses[rows], named=False) == pytest.approx(moving[rows], abs=1e-3), name
 
 
 @pytest.mark.parametrize(("width", "depth", "limit"), [(0.02, 0.03, 0.1), (0.003, 0.004, 0.03)])
@@ -86,12 +67,12 @@ def test_bar_before_a_wall_matches_two_way_kirchhoff(width, depth, limit):
     """The sides of a bar are wider than its front, and the radar sees them at grazing incidence."""
     offsets, bar = np.arange(0, 0.1, 0.0025), objects.box((-depth, -width / 2, -0.065), (0, width / 2, 0.065))
     y, z = (np.arange(-half + 2.5e-4, half, 5e-4) for half in (width / 2, 0.065))
-    exact = np.array([two_ways(np.ones((len(y), len(z))), y + offset, z) for offset in offsets])
+    exact = np.array([two_ways(np.ones((len(y), len(z))), y + offset, z, PLACE, WALL, K) for offset in offsets])
     assert np.abs(behind(bar, at([(PLACE, offset, 0.0) for offset in offsets])) - exact).max() < limit
 
 
 def picture(mesh, step=5e-4):
-    """Return the projection of a mesh from the origin on the plane x = PLACE, as the arguments of `two_ways`."""
+    """Return the projection of a mesh from the origin on the plane x = PLACE, as the first arguments of `two_ways`."""
     flat = mesh.triangles[..., 1:] * PLACE / mesh.triangles[..., :1]
     low, high = flat.min(axis=(0, 1)) - step, flat.max(axis=(0, 1)) + step
     y, z = (np.arange(low[i], high[i], step) for i in range(2))
@@ -113,7 +94,7 @@ def reflector():
 def test_corner_reflector_before_a_wall_matches_two_way_kirchhoff_at_every_angle():
     """The quadrature is that of a black screen. Fringe currents of the edges, which it leaves out, are up to 0.07 of the free echo."""
     mesh, poses = reflector(), turned(np.random.default_rng(7).uniform(0, 2 * np.pi, 40))
-    exact = np.array([two_ways(*picture(mesh.copy().apply_transform(pose))) for pose in poses])
+    exact = np.array([two_ways(*picture(mesh.copy().apply_transform(pose)), PLACE, WALL, K) for pose in poses])
     error = np.abs(behind(mesh, poses) - exact)
     assert error.max() < 0.11  # wanted: 0.1
     assert np.sqrt((error**2).mean()) < 0.07
@@ -149,7 +130,7 @@ def test_hoop_around_the_line_to_a_wall_matches_two_way_kirchhoff_over_the_band(
     assert np.sqrt((np.abs(found - exact) ** 2).mean()) < 0.2
 
 
-@pytest.mark.parametrize(("half", "bar", "place"), [(0.3, 0.01, 0.9), (0.2, 0.005, 1.3), (0.5, 0.01, 1.3)])
+@pytest.mark.parametrize(("half", "bar", "place"), [(0.3, 0.01, 0.9), (0.2, 0.005, 1.3)])
 def test_frame_of_thin_bars_matches_two_way_kirchhoff(half, bar, place):
     ways = ((-half - bar, -half), (half, half + bar))
     bars = [objects.box((-5e-5, low, -half - bar), (5e-5, high, half + bar)) for low, high in ways]
@@ -157,7 +138,7 @@ def test_frame_of_thin_bars_matches_two_way_kirchhoff(half, bar, place):
     cells = np.arange(-half - bar + 5e-4, half + bar, 1e-3)
     screen = (np.maximum(np.abs(cells[:, None]), np.abs(cells)) > half).astype(float)
     for aside in (0.0, half / 3, half + bar / 2):  # in the last case, a bar crosses the line
-        exact = two_ways(screen, cells + aside, cells, place)
+        exact = two_ways(screen, cells + aside, cells, place, WALL, K)
         found = through(objects.joined(bars).apply_translation((place, aside, 0)), K)
         assert 20 * np.log10(abs(found / exact)) == pytest.approx(0, abs=0.5)
         if place == PLACE:  # the same with the paths over frame and wall
@@ -215,9 +196,7 @@ def test_box_before_a_wall_matches_full_wave(depth, width):
 
 @pytest.mark.parametrize(("offset", "most_db"), [(0.0, 0.1), (0.03, 0.1), (0.06, 0.1), (0.1, 0.1), (0.15, 0.4)])  # wanted: 0.1
 def test_shadow_at_the_centre_frequency_holds_over_the_band(offset, most_db):
-    """A recording uses the shadow of the centre frequency at all frequencies of its band of 4 GHz. Far beside the line, the edge waves turn
-    by more than 1 rad over the band, and their sum with the line's own field has another mean power.
-    """
+    """Far beside the line, the edge waves turn by more than 1 rad over the band of 4 GHz."""
     band = 2 * np.pi / SPEED_OF_LIGHT * (RADAR.center_frequency_hz + 4e9 * np.linspace(-0.5, 0.5, 9))
     for mesh in (*PLATES.values(), objects.box((-0.05, -0.05, -0.05), (0.05, 0.05, 0.05)), trimesh.creation.cylinder(0.033, 0.1)):
         body = mesh.copy().apply_translation((PLACE, offset, 0.0))

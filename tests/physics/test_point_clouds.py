@@ -1,9 +1,10 @@
-"""Point clouds of exact point echoes, and of two spheres at equal range that the tracer simulates closer than the Rayleigh width."""
+"""Point clouds of exact point echoes, and of two traced spheres at equal range closer than the Rayleigh width."""
 
 import dataclasses
 
 import numpy as np
 import pytest
+from physics_helpers import point_echo as echo
 
 import radartwin as rt
 from radartwin.errors import InputError
@@ -11,7 +12,7 @@ from radartwin.radar.angles import azimuth_spectrum
 from radartwin.radar.boards import IWR1843BOOST
 from radartwin.radar.cell_directions import maxima, standard_method
 from radartwin.radar.chirp import Radar
-from radartwin.radar.detection import Peaks, detect, point_clouds
+from radartwin.radar.detection import detect, point_clouds
 from radartwin.radar.named import awr2243_cascade
 from radartwin.radar.processing import range_fft
 from radartwin.scene import objects
@@ -30,17 +31,6 @@ def place(range_m: float, azimuth_deg: float, elevation_deg: float = 0.0) -> np.
     return range_m * np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
 
 
-def echo(radar: Radar, where: np.ndarray, speed_mps: float = 0.0, frames: int = 1, amplitude: float = 1.0) -> np.ndarray:
-    """Return the signal of a point that moves along the line of sight, from its exact two-way paths to all antennas."""
-    frame, chirp, tx = np.ogrid[:frames, : radar.num_chirps, : radar.num_tx]
-    time = frame / radar.frame_rate_hz + (radar.num_tx * chirp + tx) * radar.chirp_interval
-    target = where + (speed_mps * time)[..., None] * where / np.linalg.norm(where)
-    to_tx = np.linalg.norm(target - radar.tx_positions, axis=-1)
-    to_rx = np.linalg.norm(target[..., None, :] - radar.rx_positions, axis=-1)
-    frequency = radar.start_frequency_hz + radar.slope_hz_per_s * np.arange(radar.num_samples) / radar.sample_rate_hz
-    return amplitude * np.exp(2j * np.pi * frequency * (to_tx[..., None] + to_rx)[..., None] / C)
-
-
 def noisy(iq: np.ndarray, deviation: float, seed: int = 0) -> np.ndarray:
     rng = np.random.default_rng(seed)
     noise = rng.standard_normal(iq.shape) + 1j * rng.standard_normal(iq.shape)
@@ -48,7 +38,7 @@ def noisy(iq: np.ndarray, deviation: float, seed: int = 0) -> np.ndarray:
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize(("azimuth", "elevation"), [(0.0, 0.0), (25.0, 12.0), (-30.0, -20.0)])
+@pytest.mark.parametrize(("azimuth", "elevation"), [(25.0, 12.0), (-30.0, -20.0)])
 def test_point_is_in_its_place_in_three_dimensions_at_any_speed(method, azimuth, elevation):
     where = place(4.0, azimuth, elevation)
     clouds = point_clouds(noisy(echo(RAISED, where, 1.7, frames=3), 0.03), RAISED, angle=method)
@@ -86,12 +76,6 @@ def test_frame_without_an_echo_has_no_points_and_static_echoes_can_be_removed():
 
 
 @pytest.mark.parametrize("method", ["capon", "music"])
-def test_angle_of_a_moving_target_has_the_tdm_phase_compensated(method):
-    peaks = detect(noisy(echo(RADAR, place(5.0, 35.0), -2.9, frames=2), 0.01), RADAR, angle=method)
-    assert np.degrees(peaks.azimuth_rad[0]) == pytest.approx(35.0, abs=0.3)
-
-
-@pytest.mark.parametrize("method", ["capon", "music"])
 def test_one_target_gives_one_point(method):
     """A false second target of a cell would need a third of the amplitude of the first target."""
     counts = []
@@ -111,7 +95,7 @@ def test_second_target_of_a_cell_has_its_own_power():
     assert 10 * np.log10(peaks.power[0] / peaks.power[1]) == pytest.approx(6.02, abs=0.5)
 
 
-@pytest.mark.parametrize("speed_mps", [0.0, 1.0, 3.0])
+@pytest.mark.parametrize("speed_mps", [0.0, 3.0])
 def test_frame_of_two_chirps_measures_speed_and_azimuth(speed_mps):
     radar = dataclasses.replace(RADAR, num_chirps=2)
     peaks = detect(noisy(echo(radar, place(3.0, 20.0), speed_mps), 0.01), radar)
@@ -120,7 +104,7 @@ def test_frame_of_two_chirps_measures_speed_and_azimuth(speed_mps):
     assert np.degrees(peaks.azimuth_rad[0]) == pytest.approx(20.0, abs=0.3)
 
 
-@pytest.mark.parametrize("azimuth", [60.0, 75.0, -80.0])
+@pytest.mark.parametrize("azimuth", [60.0, -80.0])
 @pytest.mark.parametrize("method", METHODS)
 def test_point_near_the_plane_of_the_array_keeps_its_power(method, azimuth):
     """At 78.72 GHz, antennas half a wavelength of 77 GHz apart have equal phases in two directions if |sin(azimuth)| exceeds 0.956."""
@@ -150,30 +134,16 @@ def test_cascade_separates_two_echoes_of_one_cell(method):
     np.testing.assert_allclose(np.sort(np.degrees(detect(iq, radar, angle=method).azimuth_rad)), [-1.5, 1.5], atol=0.2)
 
 
-def simulated(apart_deg: float, offset_m: float, frames: int = 1, noise: bool = True) -> rt.Recording:
-    """Trace two metal spheres with the nearest points at 2 m, the second sphere farther by `offset_m`, with thermal noise."""
-    places = [place(2.03 + offset_m * side, apart_deg * (side - 0.5)) for side in (0, 1)]
-    motion = {f"ball{n}": np.repeat(trajectory.pose(p)[None], frames, axis=0) for n, p in enumerate(places)}
+def test_traced_spheres_within_the_rayleigh_width_need_capon_or_music():
+    """The nearest points are at 2 m. One sphere is farther by 0.48 mm, a quarter turn of phase: at 0, the smoothed matrix has one rank."""
+    true_deg = 0.35 * RAYLEIGH_DEG * np.array([-1, 1])
+    motion = {f"ball{n}": np.repeat(trajectory.pose(place(2.03 + 0.48e-3 * n, true_deg[n]))[None], 10, axis=0) for n in (0, 1)}
     scene = rt.Scene([rt.Surface(objects.sphere(0.03), "metal", name) for name in motion])
-    return rt.simulate(scene, RADAR, np.eye(4), motion=motion, noise=noise)
-
-
-def bartlett_maxima_deg(recording: rt.Recording) -> np.ndarray:
-    """Return the azimuths of the two highest maxima of the first chirp's Bartlett spectrum at 2 m, from right to left."""
+    recording = rt.simulate(scene, RADAR, np.eye(4), motion=motion, noise=True)
     profiles, range_m = range_fft(recording.iq, RADAR)
-    snapshots = profiles[0, :1, :, :, np.argmin(np.abs(range_m - 2.0))]
     grid = np.radians(np.arange(-60, 60.25, 0.25))
-    return np.degrees(np.sort(grid[maxima(azimuth_spectrum(snapshots, RADAR, grid))[:2]]))
-
-
-# Half a wavelength of 3.9 mm farther is a full turn of the echo's phase: 45, 90 and 135 degrees. The relative phase decides the Bartlett
-# spectrum. At 0 degrees, the smoothed matrix has nearly rank one, which Capon does not resolve.
-@pytest.mark.parametrize("offset", [0.24e-3, 0.48e-3, 0.72e-3])
-def test_traced_spheres_within_the_rayleigh_width_need_capon_or_music(offset):
-    apart = 0.7 * RAYLEIGH_DEG
-    recording = simulated(apart, offset, frames=10)
-    true_deg = np.array([-apart / 2, apart / 2])
-    assert np.abs(bartlett_maxima_deg(recording) - true_deg).max() > 3.0
+    bartlett = azimuth_spectrum(profiles[0, :1, :, :, np.argmin(np.abs(range_m - 2.0))], RADAR, grid)
+    assert np.abs(np.degrees(np.sort(grid[maxima(bartlett)[:2]])) - true_deg).max() > 3.0
     assert len(detect(recording.iq, RADAR)) == 1
     for method in ("capon", "music"):
         peaks = detect(recording.iq, RADAR, angle=method)
@@ -181,12 +151,6 @@ def test_traced_spheres_within_the_rayleigh_width_need_capon_or_music(offset):
         np.testing.assert_allclose(peaks.range_m, 2.0, atol=0.01)
         # Noise 32 dB below the echo moves the estimates by some tenths of a degree, as does the wave's curvature of 2 degrees of phase.
         np.testing.assert_allclose(np.sort(np.degrees(peaks.azimuth_rad)), true_deg, atol=0.8)
-
-
-def test_traced_spheres_beyond_the_rayleigh_width_have_two_bartlett_maxima():
-    # At 90 degrees of relative phase, the sidelobe of a sphere moves the maximum of the other sphere least.
-    found = bartlett_maxima_deg(simulated(1.8 * RAYLEIGH_DEG, 0.48e-3, noise=False))
-    np.testing.assert_allclose(found, [-0.9 * RAYLEIGH_DEG, 0.9 * RAYLEIGH_DEG], atol=0.5)
 
 
 def test_settings_on_an_uneven_row_find_one_target_without_smoothing():
@@ -202,33 +166,26 @@ def test_unknown_method_is_refused():
         point_clouds(echo(RADAR, place(3.0, 0.0)), RADAR, angle="esprit")
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_vertical_line_has_an_elevation_and_no_azimuth(method):
+def test_vertical_line_has_an_elevation_and_no_azimuth():
     vertical = dataclasses.replace(
         RADAR,
         tx_positions_m=tuple((0.0, 0.004, z) for z in (0.0, 0.0078)),
         rx_positions_m=tuple((0.0, 0.004, z) for z in (0.0, 0.00195, 0.0039, 0.00585)),
     )
-    (cloud,) = point_clouds(noisy(echo(vertical, place(4.0, 0.0, 15.0)), 0.01), vertical, angle=method)
+    (cloud,) = point_clouds(noisy(echo(vertical, place(4.0, 0.0, 15.0)), 0.01), vertical, angle="capon")
     assert np.isnan(cloud.azimuth_rad).all()
     assert np.degrees(cloud.elevation_rad[0]) == pytest.approx(15.0, abs=0.4)
     np.testing.assert_allclose(cloud.xyz_m[0], place(4.0, 0.0, 15.0), atol=0.04)
-    assert np.isnan(detect(echo(vertical, place(4.0, 0.0, 15.0)), vertical, angle=method).azimuth_rad).all()
 
 
-def test_diagonal_line_has_neither_azimuth_nor_elevation():
-    """On a diagonal line, the phases depend on u_y + u_z only, so that the azimuth and the elevation cannot be separated."""
+def test_arrays_without_a_direction_have_points_without_it():
+    """On a diagonal line, the phases depend on u_y + u_z only; a single channel has no phases to compare."""
     diagonal = dataclasses.replace(
         RADAR, tx_positions_m=((0.0, 0.0, 0.0),), rx_positions_m=tuple((0.0, step, step) for step in (0.0, 0.0014, 0.0028, 0.0042))
     )
-    (cloud,) = point_clouds(noisy(echo(diagonal, place(4.0, 20.0, 0.0)), 0.01), diagonal)
-    assert np.isnan(cloud.azimuth_rad).all()
-    assert np.isnan(cloud.elevation_rad).all()
-
-
-def test_single_channel_has_no_direction():
     single = dataclasses.replace(RADAR, tx_positions_m=RADAR.tx_positions_m[:1], rx_positions_m=RADAR.rx_positions_m[:1])
-    (cloud,) = point_clouds(echo(single, place(2.0, 0.0)), single, angle="music")
-    assert np.isnan(cloud.azimuth_rad).all()
-    np.testing.assert_allclose(cloud.xyz_m[0], [2.0, 0.0, 0.0], atol=0.005)
-    assert isinstance(cloud, Peaks)
+    for radar, method in ((diagonal, "bartlett"), (single, "music")):
+        (cloud,) = point_clouds(noisy(echo(radar, place(2.0, 0.0)), 1e-3), radar, angle=method)
+        assert np.isnan(cloud.azimuth_rad).all()
+        assert np.isnan(cloud.elevation_rad).all()
+        np.testing.assert_allclose(cloud.xyz_m[0], [2.0, 0.0, 0.0], atol=0.005)

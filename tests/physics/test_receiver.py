@@ -1,6 +1,4 @@
-"""Test the IF filter and the phase noise of the receiver, which depend on the delay of an echo before its beat frequency is folded by
-sampling.
-"""
+"""IF filter and phase noise of the receiver, which depend on the delay of an echo before sampling folds its beat frequency."""
 
 import dataclasses
 
@@ -37,17 +35,13 @@ def profile(iq):
     return np.arange(8192) / 8192 * RADAR.sample_rate_hz * C / (2 * RADAR.slope_hz_per_s), spectrum
 
 
-def test_without_a_filter_a_target_at_12_m_folds_to_84_cm():
+def test_filter_removes_targets_beyond_the_band_which_would_fold():
     range_m, spectrum = profile(synthesize(target(12.0), RADAR))
     assert range_m[np.argmax(np.abs(spectrum))] == pytest.approx(12 - 5.21e6 * C / (2 * 70e12), abs=0.01)
     assert np.abs(spectrum).max() == pytest.approx(1, abs=0.02)
-
-
-@pytest.mark.parametrize(("range_m", "least_db"), [(12.0, 60.0), (11.2, 60.0), (30.0, 60.0), (11.0, 50.0), (10.6, 29.0)])
-def test_filter_removes_a_target_beyond_the_band(range_m, least_db):
     radar = dataclasses.replace(RADAR, if_filter=IfFilter())
-    level = 20 * np.log10(np.abs(profile(synthesize(target(range_m), radar))[1]).max())
-    assert level < -least_db + 0.3
+    for distance, least_db in ((12.0, 60.0), (11.2, 60.0), (11.0, 50.0), (10.6, 29.0)):
+        assert 20 * np.log10(np.abs(profile(synthesize(target(distance), radar))[1]).max()) < -least_db + 0.3, distance
 
 
 @pytest.mark.parametrize(
@@ -55,9 +49,7 @@ def test_filter_removes_a_target_beyond_the_band(range_m, least_db):
     [((), 0.0, 0.0), ((175e3,), 0.0673, 7.12), ((175e3, 350e3), 0.330, 21.16)],
 )
 def test_target_at_3_m_has_the_loss_and_phase_lead_of_the_high_pass(corners, loss_db, lead_deg):
-    """The beat frequency of a target at 3 m is 1.401 MHz. A single high-pass stage attenuates the echo of this target by 10 log10(1 +
-    (fc/f)^2) = 0.067 dB and advances its phase by atan(fc/f) = 7.1 degrees.
-    """
+    """The beat frequency is 1.401 MHz. A stage attenuates by 10 log10(1 + (fc/f)^2) and advances the phase by atan(fc/f)."""
     plain = synthesize(target(3.0), RADAR)[0, 0, 0, 0]
     magnitude, complete = (
         synthesize(target(3.0), dataclasses.replace(RADAR, if_filter=IfFilter(corners, zero_phase=z)))[0, 0, 0, 0] / plain
@@ -101,16 +93,14 @@ def test_invalid_filter_or_phase_noise_is_named(change, words):
 
 
 def residual(range_m, noise, sample_rate_hz, samples):
-    """Return the standard deviation of phi(t) - phi(t - tau) as the integral of S(f) 4 sin^2(pi f tau) over the offset frequencies that the
-    samples resolve.
-    """
+    """Return the rms of phi(t) - phi(t - tau): the integral of S(f) 4 sin^2(pi f tau) over the offsets that the samples resolve."""
     f = np.linspace(0.5, 2 * samples + 0.5, 400_001)[1:] * sample_rate_hz / (4 * samples)
     plateau = 2 * 10 ** (noise.level_dbc_hz / 10) * (1 + (1e6 / noise.corner_hz) ** 2)
     density = plateau / (1 + (f / noise.corner_hz) ** 2) * 4 * np.sin(np.pi * f * 2 * range_m / C) ** 2
     return np.sqrt(np.trapezoid(density, f))
 
 
-@pytest.mark.parametrize("range_m", [0.1, 1.0, 10.0])
+@pytest.mark.parametrize("range_m", [0.1, 10.0])
 def test_phase_noise_of_an_echo_matches_its_range_correlated_density(range_m):
     """The phase noise of an echo depends on its delay, and its level changes by 40 dB between 0.1 m and 10 m."""
     noise = PhaseNoise(-93.0)
@@ -182,9 +172,7 @@ def high_pass(beat_hz):
 
 
 def test_thermal_noise_has_the_power_gain_of_the_filter_at_every_beat_frequency():
-    """In the pass band the density follows the high-pass stages. At 0.95 and 0.98 of the band, the low-pass filter attenuates by 60 dB
-    sin^2 of 45 and 72 degrees.
-    """
+    """At 0.95 and 0.98 of the band, the low-pass filter attenuates by 60 dB sin^2 of 45 and 72 degrees."""
     noise = thermal_noise((20_000, 256), FILTERED, np.random.default_rng(1))
     found = 10 * np.log10(density(noise) / THERMAL)
     for line in (8, 11, 15, 23, 46, 69, 115, 200, 229):  # beat frequencies from 163 kHz (0.35 m) to 4.66 MHz (10 m)
@@ -196,19 +184,6 @@ def test_thermal_noise_has_the_power_gain_of_the_filter_at_every_beat_frequency(
     assert abs(ends) < 4 / np.sqrt(len(noise))  # the first and the last sample are independent
 
 
-@pytest.mark.parametrize("range_m", [0.5, 1.0, 3.0, 9.0])
-def test_filter_leaves_the_signal_to_noise_ratio_unchanged(range_m):
-    """At 0.5 m (234 kHz) the two high-pass stages attenuate both the echo and the thermal noise by 7.0 dB."""
-    beat_hz = range_m * 2 * 70e12 / C
-    line = np.hanning(256) * np.exp(-2j * np.pi * beat_hz * np.arange(256) / 5.21e6)
-    ratio = []
-    for radar in (RADAR, FILTERED):
-        echo = np.abs(synthesize(target(range_m), radar)[0, 0, 0, 0] @ line) ** 2
-        noise = np.abs(thermal_noise((20_000, 256), radar, np.random.default_rng(2)) @ line) ** 2
-        ratio.append(echo / noise.mean())
-    assert 10 * np.log10(ratio[1] / ratio[0]) == pytest.approx(0, abs=0.15)
-
-
 def test_thermal_noise_of_real_samples_has_the_power_gain_of_the_filter():
     radar = dataclasses.replace(FILTERED, real_sampling=True)
     found = density(np.real(thermal_noise((20_000, 256), radar, np.random.default_rng(3)))) / (THERMAL / 2)
@@ -218,9 +193,7 @@ def test_thermal_noise_of_real_samples_has_the_power_gain_of_the_filter():
 
 
 def test_testbed_filters_thermal_noise_and_leaves_quantisation_noise_white():
-    """The hardware has the IF filter and the recorded radar has none. At zero beat frequency only the ADC's rounding noise of a sixth of a
-    squared count remains.
-    """
+    """At zero beat frequency only the ADC's rounding noise of a sixth of a squared count remains."""
     hardware = dataclasses.replace(Hardware(), coupling_db=-np.inf, offset_dbfs=-np.inf, gain_imbalance_db=0.0, phase_imbalance_deg=0.0)
     silent = Recording(np.zeros((200, 16, 2, 4, 256), np.complex64), RADAR)
     found = density(testbed.received(silent, hardware, 5).iq)
@@ -230,9 +203,3 @@ def test_testbed_filters_thermal_noise_and_leaves_quantisation_noise_white():
         expected = THERMAL * high_pass(line * 5.21e6 / 256) + rounding
         assert 10 * np.log10(found[line] / expected) == pytest.approx(0, abs=0.15)
     assert 10 * np.log10(found[0] / rounding) == pytest.approx(0, abs=0.3)
-
-
-def test_filtered_noise_repeats_with_the_seed():
-    first, again, other = (thermal_noise((3, 256), FILTERED, np.random.default_rng(seed)) for seed in (7, 7, 8))
-    assert first.tobytes() == again.tobytes()
-    assert not np.allclose(first, other)

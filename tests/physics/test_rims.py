@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 from physics_helpers import FREQUENCY, WAVELENGTH, K
+from scipy.integrate import quad
+from scipy.special import erfcx
 
 import radartwin as rt
 from radartwin.simulation.backends.trace_settings import TraceSettings
@@ -178,9 +180,6 @@ def test_fringe_currents_off_the_cone_are_those_of_a_half_plane(source):
     the source and kt the wavenumber across the edge. The integral runs along the ray that grazes the face, over imaginary x, where it
     converges.
     """
-    from scipy.integrate import quad
-    from scipy.special import erfcx
-
     sine, cosine = np.sin(1.1), np.cos(1.1)
     x, n, z = np.eye(3)
     way = np.array([-sine * np.cos(source), -sine * np.sin(source), cosine])

@@ -1,19 +1,8 @@
-"""For meshes and poses that make many ray tracers fail, every result of RadarTwin's tracer is finite and agrees with the following table.
-
-| case | behaviour |
-|---|---|
-| random triangle soup, open meshes | each triangle reflects on both sides; no mesh is refused |
-| coplanar duplicates, doubled faces | they count once |
-| faces without area | dropped; a mesh of such faces returns no power |
-| slivers | integrated like other facets; a strip much thinner than a wavelength returns the power of its area |
-| grazing incidence | finite and small; a surface seen edge-on returns no power |
-| sensor 1 cm from a wall | the level of the image, within 0.6 dB |
-| sensor in a closed room | echoes of every order are finite and below the transmitted power |
-| mesh far from the origin (100 m) | float32 resolves 8 micrometres: levels are exact, phases within degrees |
-"""
+"""Degenerate meshes and extreme poses: every result of the tracer is finite, and levels stay those of the clean mesh."""
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,7 +18,7 @@ from radartwin.simulation.hits import Antennas, Hits, TraceOptions
 FIELDS = ("amplitude", "length_in_m", "length_out_m", "departure", "arrival", "first_m")
 
 
-def traced(mesh, position, *, rays=None, bounces=4, hats=False):
+def traced(mesh, position, *, rays=None, bounces=4, hats=False, prune=0.0):
     """Return the ray hits of a mesh from a phase centre: over the bounding box of the mesh, or over the full sphere with `rays` tubes."""
     variant.activate()
     built = geometry.build([mesh])
@@ -38,7 +27,8 @@ def traced(mesh, position, *, rays=None, bounces=4, hats=False):
     antenna = Antennas(source, UP)
     one = None if rays else tube_grid.towards(built.hull_points(), source, built.centre, WAVELENGTH, (0.3, 0.6))
     grids = [one] if one is not None else tube_grid.all_around(source, np.eye(3)[None], rays or 60_000)
-    hits = Hits.concatenate([tubes.trace(built, table, grid, antenna, antenna, TraceOptions(bounces, hats=hats)) for grid in grids])
+    options = TraceOptions(bounces, hats=hats, prune=prune)
+    hits = Hits.concatenate([tubes.trace(built, table, grid, antenna, antenna, options) for grid in grids])
     for name in FIELDS:
         assert np.isfinite(getattr(hits, name)).all(), name
     return hits
@@ -106,11 +96,6 @@ def test_mesh_far_from_the_origin_keeps_its_level():
     assert levels[1] == pytest.approx(levels[0], abs=0.3)
 
 
-def test_open_mesh_reflects_on_both_sides():
-    plate = objects.plate(0.05, 0.05)
-    assert db(rt.rcs(plate, [-1, 0, 0]) / rt.rcs(plate, [1, 0, 0])) == pytest.approx(0, abs=1e-3)
-
-
 def test_extreme_poses_give_finite_results():
     """The results are finite for a sensor on a surface, inside a corner, and on the line of an edge."""
     corner = objects.trihedral(0.1)
@@ -122,21 +107,12 @@ def test_extreme_poses_give_finite_results():
 def test_three_million_rays_in_a_room_fit_in_two_gigabytes():
     """The test measures the peak resident memory of a whole process."""
     code = (
-        "import numpy as np, trimesh\nfrom experiments.speed.machine import peak_gib\n"
-        "from radartwin.simulation import geometry, reflection_table, variant\nfrom radartwin.simulation.curved import tube_grid, tubes\n"
-        "from radartwin.simulation.hits import Antennas, TraceOptions\n"
-        "variant.activate('llvm')\n"
-        "room = trimesh.creation.box((6.0, 4.0, 3.0))\n"
-        "room.invert()\n"
-        "built = geometry.build([room])\n"
-        "table = reflection_table.build([('plasterboard', 0.0)], 77e9, 80.5e9)\n"
-        "source = np.array([[0.3, -0.2, 0.1]])\n"
-        "antenna = Antennas(source, np.array([[0.0, 0.0, 1.0]]))\n"
-        "count = 0\n"
-        "for one in tube_grid.all_around(source, np.eye(3)[None], 3_000_000):\n"
-        "    count += len(tubes.trace(built, table, one, antenna, antenna, TraceOptions(4, hats=True, prune=2e-4)).pose)\n"
-        "print(count, peak_gib())"
+        "import sys, trimesh\nsys.path.insert(0, sys.argv[1])\n"
+        "from experiments.speed.machine import peak_gib\nfrom test_robust import traced\n"
+        "room = trimesh.creation.box((6.0, 4.0, 3.0))\nroom.invert()\n"
+        "print(len(traced(room, [0.3, -0.2, 0.1], rays=3_000_000, hats=True, prune=2e-4).pose), peak_gib())"
     )
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600, check=True).stdout.split()
+    command = [sys.executable, "-c", code, str(Path(__file__).parent)]
+    out = subprocess.run(command, capture_output=True, text=True, timeout=600, check=True).stdout.split()
     assert int(out[0]) > 10_000
     assert float(out[1]) < 2.0

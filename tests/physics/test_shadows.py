@@ -1,12 +1,10 @@
-"""Compare edge waves, shadows of bodies and mirrors of finite size with Fresnel integrals and with quadrature of the same integrals."""
+"""Mirrors of finite size and shadows of bodies against quadrature and Fresnel integrals."""
 
-import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import trimesh
-from scipy.integrate import quad
 from scipy.special import fresnel
 
 from experiments.validation.oracles import traced
@@ -17,7 +15,7 @@ from radartwin.scene import objects
 from radartwin.scene.surface import Surface
 from radartwin.simulation import geometry
 from radartwin.simulation.backends.static_scene import static_scene
-from radartwin.simulation.flat import faces, kirchhoff, legs, obstacles, shadows
+from radartwin.simulation.flat import faces, legs, obstacles, shadows
 
 RADAR = Radar.iwr1843("isotropic")
 WAVELENGTH = SPEED_OF_LIGHT / RADAR.center_frequency_hz
@@ -98,34 +96,8 @@ def half_plane(excess):
     return dark if excess > 0 else 1 - dark
 
 
-@pytest.mark.parametrize("d", [1e-6, 0.05, 1.0, 1.999, 2.001, 4.0])
-def test_edge_wave_matches_its_integral(d):
-    def integrand(x, part):
-        return getattr(d / (d * d + x * x) * np.exp(0.5j * np.pi * (d * d + x * x)), part)
-
-    spans = [(-1, 2.5), (0.1, 0.5), (-6, -3), (2.1, 7), (-8, 9), (1.5, 3), (-2.5, -1.9), (1.999, 2.001), (-0.3, 0.0), (0.0, 2.0), (5, 5)]
-    for low, high in spans:
-        breaks = sorted({low, high, *(p for p in (-10 * d, -d, 0.0, d, 10 * d) if low < p < high), *np.arange(np.ceil(low), high)})
-        value = sum(
-            quad(integrand, a, b, args=("real",), limit=200)[0] + 1j * quad(integrand, a, b, args=("imag",), limit=200)[0]
-            for a, b in itertools.pairwise(breaks)
-        )
-        assert abs(kirchhoff.edge_wave(d, low, high) - value) < 2e-6, (low, high)
-
-
-def test_edge_wave_over_a_whole_line_matches_the_half_plane():
-    for beyond in (1e-4, 0.01, 0.1, 0.5, 2.0):
-        excess = 2 * (np.hypot(1.0, beyond) - 1)
-        found = kirchhoff.edge_wave(np.sqrt(2 * K / np.pi * excess), -1e4, 1e4) / (2 * np.pi)
-        assert found == pytest.approx(half_plane(excess), abs=1e-5)
-
-
-# ---- mirrors
-
-
 @pytest.mark.parametrize("name", SHAPES)
 def test_mirror_of_a_polygon_matches_quadrature(name):
-    """The sensor is in front of the polygon's middle, in front of its edges, and up to one polygon width beyond the edges."""
     shape = SHAPES[name]
     width = np.ptp(np.array(shape)[:, 0])
     places = [(d, share * width, z) for d in (0.5, 1.0, 2.0, 4.0) for share in (0.0, 0.25, 0.5, 1.0, 1.5) for z in (0.01, 0.13)]
@@ -136,9 +108,7 @@ def test_mirror_of_a_polygon_matches_quadrature(name):
 
 @pytest.mark.parametrize(("distance", "limit"), [(0.01, 0.1), (0.05, 0.05)])
 def test_mirror_close_to_a_panel_matches_quadrature(distance, limit):
-    """Far beside a close sensor, the edge waves lack the obliquity of the quadrature: the error is 0.1 of the image at 1 cm and 0.045 at
-    5 cm.
-    """
+    """Far beside a close sensor, the edge waves lack the obliquity of the quadrature."""
     shape = np.array([(0, 0), (0.6, 0), (0.6, 0.6), (0, 0.6)])
     for place in ((0.3, 0.3), (distance, 0.3), (distance, distance), (0.05, 0.1), (-distance, 0.3)):
         assert abs(mirror(shape, (distance, *place)) - exact_mirror(shape, (distance, *place))) < limit
@@ -146,7 +116,7 @@ def test_mirror_close_to_a_panel_matches_quadrature(distance, limit):
 
 @pytest.mark.parametrize("name", ["triangle", "trapezium"])
 def test_mirror_at_oblique_incidence_matches_quadrature(name):
-    """The transmitter and the receiver are at different positions, up to 55 degrees off the normal of the polygon."""
+    """Up to 55 degrees off the normal of the polygon."""
     shape = SHAPES[name]
     width = np.ptp(np.array(shape)[:, 0])
     for distance in (0.5, 2.0):
@@ -170,12 +140,6 @@ def test_mirrors_side_by_side_add_up_to_the_whole():
         receiver = source + rng.uniform(-0.3, 0.3, 3)
         total = received(parts, [(0,), (1,)], source, receiver)
         assert total == pytest.approx(received(whole, [(0,)], source, receiver), abs=4e-3)
-
-
-@pytest.mark.parametrize("off", [0.0, 1e-9, -1e-9, 1e-7, 1e-5])
-def test_mirror_above_an_edge_is_one_half(off):
-    """Near the middle of its edge, a plate of 9 m has the factor of a half-plane."""
-    assert mirror(30 * np.array(SHAPES["square"]), (1.0, 4.5 + off, 0.3)) == pytest.approx(0.5, abs=2e-3)
 
 
 @pytest.mark.parametrize("degrees", [30.0, 50.0, 90.0, 120.0, 150.0])
@@ -215,7 +179,7 @@ def image_of(value, length):
 FOLD = rectangle((0.25, 0, 0), (0.25, 0, 0), (0, 0, 0.25)), rectangle((0, 0.25, 0), (0, 0.25, 0), (0, 0, 0.25))
 
 
-@pytest.mark.parametrize("sensor", [(1.0, 0.8, 0.02), (0.4, 1.5, 0.1), (1.2, 1.2, -0.2), (0.25, 0.25, 0.3)])
+@pytest.mark.parametrize("sensor", [(1.0, 0.8, 0.02), (0.25, 0.25, 0.3)])
 def test_two_mirrors_at_a_right_angle_match_quadrature(sensor):
     """For two faces of 0.5 m at a right angle, the sum of both orders of reflection agrees with quadrature of the double image."""
     exact = sum(chain_quadrature(order, sensor, WAVELENGTH) for order in (FOLD, FOLD[::-1]))
@@ -233,9 +197,6 @@ def test_plate_in_a_fold_hides_the_double_reflection():
     assert abs(received(room_of(*FOLD, aside), [(0, 1), (1, 0)], sensor) - whole) < 0.02 * abs(whole)
 
 
-# ---- shadows
-
-
 def exact_shadow(shape, source, receiver):
     """Return the factor of a line past a plate in the plane x = 0 by quadrature of Kirchhoff's integral over the plate.
 
@@ -247,9 +208,7 @@ def exact_shadow(shape, source, receiver):
 @pytest.mark.parametrize(("scale", "worst", "rms"), [(0.4, 0.03, 0.011), (1.0, 0.055, 0.02)], ids=["small", "large"])
 @pytest.mark.parametrize("name", SHAPES)
 def test_shadow_of_a_plate_matches_quadrature(name, scale, worst, rms):
-    """Lines run through the plate's middle, past its edges, and up to one plate width beside them. Edges beyond the Fresnel coordinate
-    REACH are left out. Most of them belong to the large plates.
-    """
+    """Edges beyond the Fresnel coordinate REACH are left out. Most of them belong to the large plates."""
     shape = scale * np.array(SHAPES[name])
     mesh, width = traced.polygon(lifted(shape)), np.ptp(shape[:, 0])
     errors = []
@@ -260,13 +219,6 @@ def test_shadow_of_a_plate_matches_quadrature(name, scale, worst, rms):
                 errors.append(abs(shadow(mesh, *ends) - exact_shadow(shape, *ends)))
     assert max(errors) < worst
     assert np.sqrt(np.mean(np.square(errors))) < rms
-
-
-def test_shadow_of_a_large_plate_is_that_of_a_half_plane():
-    plate = objects.plate(30.0, 30.0).apply_translation([0, -15.0, 0])
-    for y in (-0.2, -0.05, -0.01, -1e-3, 1e-3, 0.01, 0.05, 0.2):
-        excess = np.hypot(1.0, y) + np.hypot(2.0, y) - 3
-        assert shadow(plate, (-1, y, 0.1), (2, y, 0.1)) == pytest.approx(half_plane(-np.sign(y) * excess), abs=0.005)
 
 
 @pytest.mark.parametrize("corners", [4, 12, 48])

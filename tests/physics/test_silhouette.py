@@ -1,11 +1,10 @@
-"""Compare the outlines of bodies, and the shadows of movers, with quadrature of Kirchhoff's integral and with geometry."""
+"""Outlines of bodies, and shadows of movers, against quadrature of Kirchhoff's integral and geometry."""
 
 from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
-from numpy.polynomial.legendre import leggauss
 
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
@@ -43,29 +42,6 @@ def one_way(body, source, receiver):
     return np.sqrt(both)
 
 
-def over_wall(body, wall):
-    """Return the factor of the path from the origin to a mirror at x = `wall` and back."""
-    return shadows.factors(body, np.zeros((1, 3)), np.array([[[wall, 0, 0]]], float), True, K)[0]
-
-
-def exact_over_wall(low, high, distance, wall):
-    """Return the same factor of a rectangular screen at x = `distance`, by quadrature of the paraxial integral over both passages.
-
-    The screen covers low[i] to high[i] along y and z. The integrals over y and z are factors.
-    """
-    nodes, weights = leggauss(1200)
-    single, double = 1 + 0j, 1 + 0j
-    for a, b in zip(low, high, strict=True):
-        x, w = 0.5 * (a + b) + 0.5 * (b - a) * nodes, 0.5 * (b - a) * weights
-        one = 1 / distance + 1 / (2 * wall - distance)
-        single *= (w * np.exp(0.5j * K * one * x * x)).sum() / np.sqrt(2j * np.pi / (K * one))
-        ends, between = 1 / distance, 1 / (2 * (wall - distance))
-        phase = (x[:, None] ** 2 + x[None] ** 2) * ends + (x[:, None] - x[None]) ** 2 * between
-        spread = np.sqrt(ends * (ends + 2 * between))
-        double *= (w @ np.exp(0.5j * K * phase) @ w) / (2j * np.pi / (K * spread))
-    return 1 - 2 * single + double
-
-
 @pytest.mark.parametrize("name", plates.SHAPES)
 def test_shadow_of_a_plate_matches_quadrature(name):
     shape = 0.4 * np.array(plates.SHAPES[name])
@@ -78,21 +54,11 @@ def test_shadow_of_a_plate_matches_quadrature(name):
             assert abs(found - exact) < 0.05 * max(1, abs(exact))
 
 
-def test_outline_of_a_box_is_its_nearest_face():
-    for distance in (0.5, 2.0):
-        body = skin(objects.box([-0.03, -0.05, -0.08], [0.03, 0.05, 0.08]))
-        assert area(body, distance) == pytest.approx(0.1 * 0.16 * (distance / (distance - 0.03)) ** 2, rel=1e-4)
-
-
-def test_outline_of_a_sphere_is_a_circle():
-    body = skin(trimesh.creation.icosphere(5, 0.05))
-    assert area(body, 1.0) == pytest.approx(np.pi * 0.05**2 / (1 - 0.05**2), rel=3e-3)
-
-
 def test_outline_counts_overlapping_parts_once_and_leaves_holes_out():
     box = objects.box([-0.03, -0.05, -0.08], [0.03, 0.05, 0.08])
     inside = objects.box([-0.02, -0.03, -0.05], [0.02, 0.03, 0.05])
     beside = objects.box([-0.03, 0.0, -0.02], [0.03, 0.09, 0.02])
+    assert area(skin(box), 2.0) == pytest.approx(0.1 * 0.16 * (2 / 1.97) ** 2, rel=1e-4)
     assert area(skin(box, inside), 2.0) == pytest.approx(area(skin(box), 2.0), rel=1e-9)
     assert area(skin(box, beside), 2.0) - area(skin(box), 2.0) == pytest.approx(0.04 * 0.04 * (2 / 1.97) ** 2, rel=0.02)
     ring = trimesh.creation.annulus(0.03, 0.05, 0.01)
@@ -100,31 +66,9 @@ def test_outline_counts_overlapping_parts_once_and_leaves_holes_out():
     assert area(skin(ring), 2.0) == pytest.approx(np.pi * (0.05**2 - 0.03**2), rel=0.02)
 
 
-def test_open_meshes_hide_from_both_sides():
-    """Two plates of a corner reflector overlap in the picture, and the third one faces away."""
-    corner = objects.trihedral(0.1)
-    corner.apply_translation(-corner.bounds.mean(axis=0))
-    flat = trimesh.Trimesh(corner.vertices, corner.faces[:, ::-1], process=False)
-    assert area(skin(corner), 2.0) == pytest.approx(area(skin(flat), 2.0), rel=1e-9)
-    assert area(skin(corner), 2.0) > 0.0049  # the plate across the view
-
-
-def test_shadow_does_not_depend_on_the_facets():
-    """A column of 64 sides has the same shadow with divided faces, and nearly that of a column of 1,024 sides."""
-    coarse, fine = (trimesh.creation.cylinder(0.033, 0.1, sections=n) for n in (64, 1024))
-    divided = coarse.subdivide().subdivide()
-    for mesh in (coarse, divided, fine):
-        mesh.apply_translation((1, 0.01, 0.02))
-    for wall in (1.5, 2.5):
-        values = [over_wall(skin(mesh), wall) for mesh in (coarse, divided, fine)]
-        assert values[1] == pytest.approx(values[0], abs=1e-3)
-        assert values[2] == pytest.approx(values[0], abs=0.01)
-
-
-@pytest.mark.parametrize("name", ["can_211_300", "mustard", "mug"])
-def test_shadow_of_an_object_as_made_is_that_of_its_picture(name):
+def test_shadow_of_an_object_as_made_is_that_of_its_picture():
     """The factor of a line agrees with quadrature over a picture of the object, which holds the object's triangles one by one."""
-    mesh: Any = trimesh.util.concatenate([s.mesh for s in as_made(catalogue()[name], 1.0, np.random.default_rng(3))])
+    mesh: Any = trimesh.util.concatenate([s.mesh for s in as_made(catalogue()["mug"], 1.0, np.random.default_rng(3))])
     mesh.apply_translation((1.0, 0.0, -mesh.bounds[:, 2].mean()))
     body = skin(mesh)
     pixel = 0.25e-3
@@ -152,15 +96,6 @@ def test_shadow_of_an_object_as_made_is_that_of_its_picture(name):
         assert abs(found - exact) < 0.06 * max(1, abs(exact))
 
 
-@pytest.mark.parametrize(("size", "limit"), [((0.03, 0.03), 0.025), ((0.0686, 0.076), 0.11), ((0.1, 0.1), 0.14)])
-def test_shadow_on_both_passages_of_a_path_matches_quadrature(size, limit):
-    """The path to a wall behind the body and back passes the body twice. Edge waves of the first passage meet the second one."""
-    for distance, wall, aside in ((1.0, 2.5, (0.0, 0.0)), (1.0, 2.5, (0.02, 0.01)), (1.0, 2.5, (0.05, 0.0)), (0.5, 3.0, (0.0, 0.0))):
-        low, high = (np.array(aside) + s * np.array(size) / 2 for s in (-1, 1))
-        plate = objects.box([distance - 5e-5, *low], [distance + 5e-5, *high])
-        assert abs(over_wall(skin(plate), wall) - exact_over_wall(low, high, distance, wall)) < limit
-
-
 def test_shadow_is_reciprocal_on_lines_to_the_sensor():
     """Both directions of a path over two mirrors have the same factor, although the body is thick."""
     body = skin(objects.box([0.8, -0.05, -0.06], [1.2, 0.05, 0.06]))
@@ -168,14 +103,6 @@ def test_shadow_is_reciprocal_on_lines_to_the_sensor():
     there, back = (shadows.factors(body, np.zeros((1, 3)), way[None], False, K)[0] for way in (points, points[::-1]))
     assert there == pytest.approx(back, abs=1e-3)
     assert abs(there - 1) > 0.1
-
-
-def test_bodies_behind_either_end_hide_nothing():
-    for x in (-1.5, 4.0):
-        body = skin(objects.box([x - 0.1, -0.3, -0.3], [x + 0.1, 0.3, 0.3]))
-        assert one_way(body, (0, 0.01, 0.02), (2, 0.01, 0.02)) == pytest.approx(1, abs=1e-6)
-    aside = skin(objects.box([0.9, 1.0, -0.3], [1.1, 1.3, 0.3]))
-    assert one_way(aside, (0, 0.01, 0.02), (2, 0.01, 0.02)) == pytest.approx(1, abs=1e-6)
 
 
 @pytest.mark.parametrize("bars", [20, 60])
@@ -223,6 +150,7 @@ def test_parts_behind_the_sensor_hide_nothing():
     front, behind = objects.box([1.0, -0.1, -0.1], [1.01, 0.1, 0.1]), objects.box([-0.71, -0.1, -0.1], [-0.7, 0.1, 0.1])
     alone, both = (one_way(skin(*meshes), (0, 0, 0), (2, 0.2, 0)) for meshes in ((front,), (front, behind)))
     assert both == pytest.approx(alone, abs=1e-6)
+    assert one_way(skin(behind), (0, 0, 0), (2, 0.2, 0)) == pytest.approx(1, abs=1e-6)
     assert one_way(skin(front, behind), (0, 0, 0), (0.05, 0.02, 1.5)) == pytest.approx(1, abs=0.02)
 
 
@@ -245,12 +173,3 @@ def test_path_exactly_over_a_corner_is_that_of_its_neighbours():
         for offset in 1e-4 * np.array([(0, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)])
     )
     assert np.abs(np.array(aside) - exactly).max() < 0.01
-
-
-def test_equal_rows_are_evaluated_once():
-    rows = np.random.default_rng(0).random((50, 9))
-    rows[:, 6:] = np.nan
-    order = np.random.default_rng(1).integers(0, 50, 200)
-    first, which = shadows.distinct(rows[order])
-    assert len(first) == len(np.unique(order))
-    assert np.array_equal(rows[order][first][which], rows[order], equal_nan=True)

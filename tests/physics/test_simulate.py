@@ -23,13 +23,6 @@ def profile(samples, bins=8192):
     return np.fft.fft(samples * taper, bins) / taper.sum()
 
 
-def peak(samples, bins=8192):
-    """Return (range in metres, complex value) of the strongest range peak of a single chirp."""
-    spectrum = profile(samples, bins)
-    index = int(np.abs(spectrum).argmax())
-    return index * RADAR.unambiguous_range_m / bins, spectrum[index]
-
-
 def facing(mesh, distance):
     """Return a target at this distance that faces the sensor at the origin."""
     return rt.Scene([rt.Surface(mesh, "metal", "target")]), {
@@ -37,23 +30,9 @@ def facing(mesh, distance):
     }
 
 
-@pytest.mark.parametrize("distance", [2.0, 8.0])
-def test_sphere_level_matches_the_radar_equation(distance):
-    """The amplitude is |a|^2 = lambda^2 sigma / ((4 pi)^3 R^4), and the range R is the distance of the sphere's centre minus its radius."""
-    scene, motion = facing(objects.sphere(0.05), distance)
-    recording = rt.simulate(scene, RADAR, np.eye(4)[None], motion=motion, rays_per_wavelength2=4)
-    where, value = peak(recording.iq[0, 0, 0, 0])
-    wavelength = C / RADAR.center_frequency_hz
-    expected = 10 * np.log10(wavelength**2 * np.pi * 0.05**2 / ((4 * np.pi) ** 3 * distance**4))
-    assert where == pytest.approx(distance - 0.05, abs=0.01)
-    assert 20 * np.log10(abs(value)) == pytest.approx(expected, abs=0.4)
-
-
 @pytest.mark.parametrize("material", ["metal", "plasterboard", rt.Layered([("plasterboard", 0.0125)])])
 def test_large_wall_matches_its_image(material):
-    """For a wall of 8 m x 8 m, the complex signal of every channel and sample agrees with that of the radar's mirror image behind the
-    wall. The remaining difference comes from the edges of the wall.
-    """
+    """The remaining difference comes from the edges of the wall."""
     wall = rt.Scene([rt.Surface(objects.plate(8.0, 8.0), material, "wall")])
     recording = rt.simulate(wall, RADAR, at(-2.0)[None])
     f = RADAR.start_frequency_hz + RADAR.slope_hz_per_s * np.arange(256) / RADAR.sample_rate_hz
@@ -63,58 +42,6 @@ def test_large_wall_matches_its_image(material):
     expected = np.conj(te) * C / f / (4 * np.pi * length) * np.exp(2j * np.pi * f * length / C)
     inner = slice(32, 224)
     assert np.linalg.norm((recording.iq[0, 0] - expected)[..., inner]) / np.linalg.norm(expected[..., inner]) < 0.08
-
-
-def test_wide_tubes_match_the_image_of_a_wall():
-    """In this test, a metal wall is oblique to the axes of the ray grid. With 20,000 ray tubes over the full sphere, the complex range
-    profile agrees with the image of the wall within 2 %.
-    """
-    radar = dataclasses.replace(RADAR, tx_positions_m=((0.0, 0.0, 0.0),), rx_positions_m=((0.0, 0.0, 0.0),))
-    pose = trajectory.look_at(np.array([-3.0, 0.3, 0.2]), np.array([0.0, 1.2, -0.4]))
-    samples = rt.simulate(rt.Scene([rt.Surface(objects.plate(12, 12), "metal", "wall")]), radar, pose[None], rays=20_000).iq[0, 0, 0, 0]
-    f = radar.start_frequency_hz + radar.slope_hz_per_s * np.arange(256) / radar.sample_rate_hz
-    expected = -C / f / (4 * np.pi * 6) * np.exp(2j * np.pi * f * 6 / C)
-    assert np.linalg.norm(profile(samples) - profile(expected)) / np.linalg.norm(profile(expected)) < 0.02
-
-
-def test_moving_sensor_and_moving_target_are_equivalent():
-    sphere = rt.Scene([rt.Surface(objects.sphere(0.03), "metal", "ball")])
-    drive = np.array([at(0.05 * f) for f in range(3)])
-    moved = np.array([at(2 - 0.05 * f) for f in range(3)])
-    sensor = rt.simulate(sphere, RADAR, drive, motion={"ball": at(2.0)[None]}).iq
-    target = rt.simulate(sphere, RADAR, np.eye(4)[None], motion={"ball": moved}).iq
-    assert np.abs(sensor - target).max() < 2e-3 * np.abs(target).max()
-
-
-def test_object_moved_to_a_pose_equals_object_built_there():
-    mesh = objects.plate(0.1, 0.1)
-    there = mesh.copy().apply_transform(at(1.5))
-    moved = rt.simulate(rt.Scene([rt.Surface(mesh, "metal", "p")]), RADAR, np.eye(4)[None], motion={"p": at(1.5)[None]}).iq
-    built = rt.simulate(rt.Scene([rt.Surface(there, "metal", "p")]), RADAR, np.eye(4)[None]).iq
-    assert np.abs(moved - built).max() < 2e-3 * np.abs(built).max()
-
-
-def test_sphere_that_turns_about_its_axis_returns_equal_samples_in_every_frame():
-    poses = trajectory.turntable(np.array([1.5, 0.0, 0.0]), 4, 10.0, 25.0)
-    iq = rt.simulate(
-        rt.Scene([rt.Surface(objects.sphere(0.05), "metal", "ball")]),
-        RADAR,
-        np.eye(4)[None],
-        motion={"ball": poses},
-        rays_per_wavelength2=4,
-    ).iq
-    spread = np.abs(iq - iq[:1]).max() / np.abs(iq).max()
-    assert spread < 0.05  # the limit covers the tessellation of the sphere
-
-
-def test_wall_hides_objects_behind_it():
-    """The edges of an opaque wall of 2 m let less than 1 % of the echo through, there and back."""
-    scene, motion = facing(objects.plate(0.1, 0.1), 3.0)
-    screen = rt.Surface(objects.plate(2.0, 2.0).apply_transform(at(1.0)), "concrete", "screen")
-    alone = rt.simulate(scene, RADAR, np.eye(4)[None], motion=motion).iq
-    only_screen = rt.simulate(rt.Scene([screen]), RADAR, np.eye(4)[None]).iq
-    both = rt.simulate(rt.Scene([screen, *scene.surfaces]), RADAR, np.eye(4)[None], motion=motion).iq
-    assert np.abs(both - only_screen).max() <= 0.01 * np.abs(alone).max()
 
 
 def test_object_and_sensor_moving_together_pass_behind_a_screen():
@@ -131,9 +58,7 @@ def test_object_and_sensor_moving_together_pass_behind_a_screen():
 
 
 def test_long_thin_and_large_round_targets_are_traced_finely():
-    """A surface larger than half a metre must not count as a wall because of its size. A pipe and a ball are compared with the same
-    surfaces marked as objects.
-    """
+    """A surface larger than half a metre must not count as a wall because of its size."""
     for mesh, position in ((objects.cylinder(0.02, 0.75), at(-2.0, 0.026)), (objects.sphere(0.3), at(-2.0))):
         levels = [
             np.abs(rt.simulate(rt.Scene([rt.Surface(mesh, "metal", "t", role=role)]), RADAR, position[None]).iq).max()
@@ -149,9 +74,7 @@ def test_real_sampling_has_no_imaginary_part():
 
 
 def test_small_object_survives_beside_a_bright_wall():
-    """The tracer prunes weak paths separately for each part of the scene, so that a sphere of 3 cm in front of a metal wall keeps its
-    level.
-    """
+    """The tracer prunes weak paths separately for each part of the scene."""
     ball = objects.sphere(0.03).apply_transform(at(1.5))
     wall = objects.plate(6.0, 6.0).apply_transform(at(4.0))
     alone = rt.simulate(rt.Scene([rt.Surface(ball, "metal", "ball")]), RADAR, np.eye(4)[None])
@@ -164,9 +87,7 @@ def test_small_object_survives_beside_a_bright_wall():
 
 
 def test_old_llvm_is_refused_before_it_loads(tmp_path):
-    """RadarTwin refuses LLVM 15 and 16 with an error message, because the compiler library Dr.Jit would abort the process with these
-    versions.
-    """
+    """With LLVM 15 and 16, Dr.Jit would abort the process."""
     fake = tmp_path / "libLLVM-15.so"
     fake.touch()
     code = (

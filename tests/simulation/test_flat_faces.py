@@ -30,13 +30,6 @@ def found(*meshes):
     return faces.find(geometry.build(meshes))[0]
 
 
-def test_box_has_six_faces_and_twelve_wedges():
-    box = found(trimesh.creation.box((1, 1, 1)))
-    assert len(box.offset) == 6
-    assert box.opening == pytest.approx(np.full(12, 1.5))
-    assert box.length == pytest.approx(np.ones(12))
-
-
 def test_inner_corners_of_a_room_diffract_nothing():
     walls = [[[0, 0, 0], [2, 0, 0], [2, 0, 2], [0, 0, 2]], [[0, 0, 0], [0, 2, 0], [0, 2, 2], [0, 0, 2]]]
     corner = found(*(trimesh.Trimesh(wall, [[0, 1, 2], [0, 2, 3]]) for wall in walls))

@@ -19,6 +19,7 @@ import radartwin as rt
 from radartwin.errors import OutputError
 from radartwin.radar import recording as recording_module
 from radartwin.simulation import simulate as simulate_module
+from radartwin.simulation.signal.synthesis import thermal_noise
 
 RADAR = replace(rt.Radar.iwr1843(), num_chirps=2, num_samples=64)
 FRAMES = 30
@@ -42,11 +43,15 @@ def drive(frames: int = FRAMES) -> np.ndarray:
     return poses
 
 
+def in_blocks(monkeypatch: pytest.MonkeyPatch, frames: int = 4) -> None:
+    """Make `simulate` trace blocks of this number of frames."""
+    for name in ("FIRST_FRAMES", "FEWEST_FRAMES", "MOST_FRAMES"):
+        monkeypatch.setattr(simulate_module, name, frames)
+
+
 @pytest.fixture
 def blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make `simulate` trace blocks of four frames."""
-    for name, value in (("FIRST_FRAMES", 4), ("FEWEST_FRAMES", 4), ("MOST_FRAMES", 4)):
-        monkeypatch.setattr(simulate_module, name, value)
+    in_blocks(monkeypatch)
 
 
 @pytest.mark.parametrize("noise", [False, True])
@@ -64,8 +69,7 @@ def test_samples_on_disk_are_those_in_memory(blocks: None, tmp_path: Path, noise
 def test_blocks_have_the_signal_of_one_call(monkeypatch: pytest.MonkeyPatch) -> None:
     """The sensor stops during the recording, which must not change the kind of its paths. The weakest paths of a block may differ."""
     whole = rt.simulate(scene(), RADAR, drive(), max_bounces=2).iq
-    for name in ("FIRST_FRAMES", "FEWEST_FRAMES", "MOST_FRAMES"):
-        monkeypatch.setattr(simulate_module, name, 4)
+    in_blocks(monkeypatch)
     parts = rt.simulate(scene(), RADAR, drive(), max_bounces=2).iq
     power = (np.abs(whole) ** 2).sum(axis=(1, 2, 3, 4))
     assert ((np.abs(parts - whole) ** 2).sum(axis=(1, 2, 3, 4)) < 1e-3**2 * power).all()
@@ -74,8 +78,6 @@ def test_blocks_have_the_signal_of_one_call(monkeypatch: pytest.MonkeyPatch) -> 
 def test_noise_does_not_depend_on_the_blocks(blocks: None) -> None:
     empty = rt.Scene([])
     found = rt.simulate(empty, RADAR, drive(), noise=True, seed=5).iq
-    from radartwin.simulation.signal.synthesis import thermal_noise
-
     rng = np.random.default_rng(np.random.SeedSequence([5, *b"receiver noise"]))
     assert np.array_equal(found, thermal_noise(found.shape, RADAR, rng))
 
@@ -91,8 +93,7 @@ def test_a_resting_scene_is_traced_once(blocks: None, monkeypatch: pytest.Monkey
 
 def test_every_simulator_gives_the_same_frames_in_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = rt.simulate(scene(), RADAR, drive(), simulator="points").iq
-    for name in ("FIRST_FRAMES", "FEWEST_FRAMES", "MOST_FRAMES"):
-        monkeypatch.setattr(simulate_module, name, 7)
+    in_blocks(monkeypatch, 7)
     parts = rt.simulate(scene(), RADAR, drive(), simulator="points").iq
     assert np.allclose(parts, whole, rtol=0, atol=1e-5 * np.abs(whole).max())
 

@@ -10,7 +10,7 @@ from radartwin.radar.detection import detect
 from radartwin.scene import objects
 from radartwin.scene.trajectories.trajectory import look_at
 from radartwin.simulation.backends.trace_settings import TraceSettings
-from radartwin.simulation.origins import echo_origins, last_surfaces
+from radartwin.simulation.origins import echo_origins
 from radartwin.simulation.simulate import trace_paths
 
 RADAR = rt.Radar.iwr1843()
@@ -63,16 +63,3 @@ def test_a_place_without_echoes_has_no_origin(scene, paths) -> None:
     (origin,) = echo_origins(scene, parts, RADAR, pose, 9.0, 0.0)
     assert origin.surface == ""
     assert origin.level_db == float("-inf")
-
-
-def test_paths_of_one_reflection_end_on_the_plate_in_their_direction(scene, paths) -> None:
-    parts, pose = paths
-    checked = 0
-    for part in parts:
-        single = part.where(part.bounces == 1)
-        azimuth_deg = np.degrees(np.arctan2(single.arrival[:, 1], single.arrival[:, 0]))
-        for index, azimuth in zip(last_surfaces(scene, single, pose), azimuth_deg, strict=True):
-            nearest = min(PLACES, key=lambda name: abs(PLACES[name][1] - azimuth))
-            assert scene.names[index] == nearest
-            checked += 1
-    assert checked >= len(PLACES)

@@ -42,12 +42,11 @@ def test_replays_equal_new_recordings(monkeypatch, material):
     assert not any(different)
 
 
-@pytest.mark.parametrize("distance", [None, 1.0], ids=["plane wave", "1 m"])
-def test_a_replay_has_the_polarisation_of_its_call(distance: float | None) -> None:
+def test_a_replay_has_the_polarisation_of_its_call() -> None:
     """A sphere returns no cross-polarised echo, also if a call with the same polarisation at both ends came before."""
     ball = objects.sphere(0.03)
     one, cross, other, back = (
-        rt.rcs(ball, [1, 0, 0], polarization=pair, distance=distance, rays_per_wavelength2=1.0) for pair in ("VV", "VH", "HH", "HV")
+        rt.rcs(ball, [1, 0, 0], polarization=pair, distance=1.0, rays_per_wavelength2=1.0) for pair in ("VV", "VH", "HH", "HV")
     )
     assert max(cross, back) < 1e-9 * one
     assert other == pytest.approx(one, rel=1e-3)

@@ -26,11 +26,6 @@ def test_refined_aspects_of_a_band_limited_signal_are_exact(traced):
     assert np.allclose(refined.signals, signal(256), atol=1e-4)
 
 
-def test_refined_aspects_keep_the_traced_ones():
-    values = np.random.default_rng(2).standard_normal((64, 1, 1, 8)).astype(np.complex64)
-    assert np.allclose(Aspects(values).refined(256).signals[::4], values, atol=1e-5)
-
-
 @pytest.mark.parametrize(("name", "aspects"), [("mug", SHADOW_ASPECTS), ("can_211_300", SHADOW_ROUND)])
 def test_few_aspects_of_a_shadow_stand_for_many(name, aspects):
     """Interpolated between few angles of the turntable, the shadow of a target 3 mm off the axis agrees with the shadow at 384 angles."""

@@ -1,4 +1,4 @@
-"""Two groups of ray tubes are joined in order, with the same kernels for any numbers of tubes. Dr.Jit shares the cores."""
+"""Groups of ray tubes are joined by the same kernels for any numbers of tubes. Dr.Jit shares the cores."""
 
 import numpy as np
 import pytest
@@ -26,22 +26,6 @@ def tubes(count: int, start: int):
         whole, whole, vector, vector, vector, vector, vector, vector, real, whole, vector, vector, [met, met],
         whole, mi.Float64(numbers), mi.Float64(numbers),
     )  # fmt: skip
-
-
-def arrays(value):
-    """Return all arrays of tubes as NumPy arrays."""
-    if isinstance(value, list | tuple):
-        return [array for one in value for array in arrays(one)]
-    return [] if value is None else [np.array(value)]
-
-
-def test_joined_groups_are_the_groups_one_after_the_other():
-    from radartwin.simulation.curved.flight import Tubes
-
-    together, parts = Tubes.joined([tubes(5, 0), tubes(3, 5)]), tubes(8, 0)
-    for found, expected in zip(arrays(list(vars(together).values())), arrays(list(vars(parts).values())), strict=True):
-        np.testing.assert_array_equal(found, expected)
-    assert together.face is None
 
 
 def test_other_numbers_of_tubes_need_no_new_kernels():
