@@ -112,6 +112,7 @@ DAMAGE = [
     (lambda s: s.with_suffix(".json").write_bytes(b"\xff\xfe\x00"), RecordingError, ("a.json",)),
 ]
 VALUES = [
+    ({"sensor_poses": np.full((1, 4, 4), np.nan).tolist()}, ("sensor_poses", "frame 0", "rigid")),
     ({"sensor_poses": [np.eye(4).tolist(), (2 * np.eye(4)).tolist(), np.eye(4).tolist()]}, ("sensor_poses", "frame 1", "rigid")),
     ({"sensor_poses": [np.diag([1.0, 1.0, -1.0, 1.0]).tolist()]}, ("sensor_poses", "rigid")),
     ({"sensor_poses": "x"}, ("sensor_poses",)),

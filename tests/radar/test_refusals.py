@@ -71,6 +71,7 @@ STUDIO = [
     ("rawDataCaptureConfig.rlDevLaneEnable_t", "laneEn", "0xF"),
     ("rfConfig", "rlProfiles", 5),
     ("rfConfig", "rlChirps", {}),
+    ("rfConfig.rlFrameCfg_t", "numLoops", None),
     ("rfConfig.rlFrameCfg_t", "numLoops", 1.5),
 ]
 RADARS = [
@@ -88,10 +89,12 @@ RADARS = [
 MAPPINGS = [
     ("m.yaml", "captures: [", ("line 1",)),
     ("m.yaml", "- 1", ("keys card and captures",)),
+    ("m.yaml", "files: []", ("keys card and captures",)),
     ("m.yaml", "captures: {a: b}", ("list of mappings",)),
     ("m.yaml", "captures: [{object: mug}]", ("captures[0]: the key 'file' is missing",)),
     ("m.csv", "object,room\nmug,lab\n", ("no column 'file'",)),
     ("m.csv", "file,object\na\n", ("line 2: expected one value per column",)),
+    ("m.csv", "file,object\na,b,c\n", ("line 2: expected one value per column",)),
     ("m.txt", "", ("ends in .yaml or .csv",)),
 ]
 LOGS = [

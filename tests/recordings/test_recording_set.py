@@ -79,6 +79,7 @@ def test_rows_are_selected_by_columns_and_alternatives(bench: RecordingSet) -> N
         (row("MUG_1m_0", repetition=7), ("already has a recording mug_1m_0",)),
         (row("again"), ("again repeats mug_1m_0", "mug, 1 m, lab")),
         (row("a b", repetition=7), ("'a b'", "letters")),
+        (row("../a", repetition=7), ("'../a'",)),
         (row("a.bin", repetition=7), ("'a.bin'", "suffix")),
         (row("a", "olive oil"), ("olive oil", "word")),
         (row("a", distance_m=float("nan")), ("distance_m nan",)),
