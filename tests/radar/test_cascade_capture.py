@@ -1,7 +1,6 @@
 """Read files of the cascade's capture board whose values are written by hand."""
 
 import dataclasses
-import json
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ from radartwin.builders.radar import named_radar
 from radartwin.errors import MissingError
 from radartwin.radar.captures import load_capture
 from radartwin.radar.cascade_capture import CHIPS
+from radartwin.radar.process_capture import process_capture
 
 RADAR = dataclasses.replace(named_radar("awr2243_cascade"), num_chirps=8, num_samples=64, frame_rate_hz=100.0)
 SHAPE = (3, 8, 12, 16, 64)  # frame, loop, transmitter, receiver, sample
@@ -42,14 +42,11 @@ def test_capture_is_read_in_the_order_of_chips_and_receivers(tmp_path):
     assert recording.provenance["unit"] == "counts"
 
 
-def test_command_processes_a_capture_folder(tmp_path, inside):
+def test_capture_folder_is_processed(tmp_path):
     """A beat at bin 16 of 64 in every channel is an echo at 16 range bins, in the direction of the boresight."""
     beat = np.broadcast_to(np.rint(1000 * np.exp(2j * np.pi * 16 * np.arange(64) / 64)), SHAPE)[:1]
     write_by_hand(tmp_path / "capture", beat)
-    (tmp_path / "radar.json").write_text(json.dumps(RADAR.to_dict()))
-    done = inside("process", "capture", "--radar", "radar.json", "--no-iq-swapped", "--out", "seen")
-    assert done.returncode == 0
-    range_m, speed_mps, azimuth_deg, _ = np.loadtxt(tmp_path / "seen" / "peaks.csv", delimiter=",", skiprows=1, ndmin=2)[0]
+    range_m, speed_mps, azimuth_deg, _ = process_capture(tmp_path / "capture", radar=RADAR, iq_swapped=False).iloc[0]
     assert range_m == pytest.approx(16 * 299_792_458.0 * 8e6 / (2 * 79e12 * 64), abs=0.01)
     assert (speed_mps, azimuth_deg) == pytest.approx((0, 0), abs=0.05)
 

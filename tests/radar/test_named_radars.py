@@ -103,8 +103,7 @@ def test_speed_folds_at_the_limit_of_twelve_transmitters():
     """A sphere that recedes at 1.3 times the unambiguous speed appears at -0.7 times this speed, because Doppler frequencies repeat."""
     radar = dataclasses.replace(named_radar("awr2243_cascade"), rx_positions_m=((0.0, 0.0, 0.0), (0.0, 0.002, 0.0)), frame_rate_hz=20.0)
     limit = C / (radar.start_frequency_hz + radar.sampled_bandwidth_hz / 2) / (4 * 12 * 45e-6)
-    for speed, folded in ((0.6 * limit, 0.6 * limit), (1.3 * limit, -0.7 * limit)):
-        poses = np.repeat(np.eye(4)[None], 2, axis=0)
-        poses[:, 0, 3] = -4.0, -4.0 - speed / radar.frame_rate_hz
-        peaks = detect(rt.simulate(SPHERE, radar, poses).iq, radar)
-        assert peaks.velocity_mps[0] == pytest.approx(folded, abs=radar.velocity_resolution_mps / 4)
+    poses = np.repeat(np.eye(4)[None], 2, axis=0)
+    poses[:, 0, 3] = -4.0, -4.0 - 1.3 * limit / radar.frame_rate_hz
+    peaks = detect(rt.simulate(SPHERE, radar, poses).iq, radar)
+    assert peaks.velocity_mps[0] == pytest.approx(-0.7 * limit, abs=radar.velocity_resolution_mps / 4)

@@ -147,7 +147,7 @@ def test_harmless_findings_are_notes(folder: Path) -> None:
 
 def test_rare_packet_loss_that_the_log_reports_is_a_note(tmp_path: Path) -> None:
     made = RecordingSet.create(tmp_path / "set", CARD)
-    small = dataclasses.replace(RADAR, num_chirps=8)
+    small = dataclasses.replace(RADAR, num_chirps=4)
     for n, lost in enumerate((1, 3)):
         recording = noise(small, n, frames=120)
         for frame in range(lost):
