@@ -179,22 +179,21 @@ def test_unsigned_cube_is_read_as_signed_counts(tmp_path):
     np.testing.assert_array_equal(loaded.iq[0], counts[0] + 1j * counts[1])
 
 
-TEXT = b"no array"
-CUBES = [
+CUBES = [  # without arrays, the file is text
     ({"iq": np.zeros((8, 8, 60), complex)}, RADAR, "does not fit radar"),
     ({"iq": np.zeros((0, 8, 2, 4, 64), complex)}, RADAR, "zero frames"),
     ({"cube": np.zeros((2, 2), complex)}, RADAR, "it has no array iq"),
     ({"iq": np.zeros((2, 2))}, RADAR, "expected complex samples, or int16"),
     ({"iq": np.ones(SHAPE, np.complex64), "poses": np.eye(3)}, RADAR, "sensor_poses must be"),
-    (TEXT, None, "does not name its radar; give it as radar"),
-    (TEXT, RADAR, "cube.npy is not a readable"),
+    ({}, None, "does not name its radar; give it as radar"),
+    ({}, RADAR, "cube.npy is not a readable"),
 ]
 
 
-@pytest.mark.parametrize(("content", "radar", "words"), CUBES)
-def test_cube_that_is_no_recording_of_the_radar_is_refused(tmp_path, content, radar, words):
-    path = tmp_path / ("cube.npy" if content is TEXT else "cube.npz")
-    path.write_bytes(content) if content is TEXT else np.savez(path, **content)
+@pytest.mark.parametrize(("arrays", "radar", "words"), CUBES)
+def test_cube_that_is_no_recording_of_the_radar_is_refused(tmp_path, arrays, radar, words):
+    path = tmp_path / ("cube.npz" if arrays else "cube.npy")
+    np.savez(path, **arrays) if arrays else path.write_text("no array")
     refused([words], load_capture, path, radar, error=RecordingError)
 
 
