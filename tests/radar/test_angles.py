@@ -46,65 +46,61 @@ def evaluated(signals, method, antennas=8):
     return spectrum(signals, line(antennas), FREQUENCY, method)(unit_vectors(GRID))
 
 
-def draws(azimuths_deg, snr_db, snapshots, shape, seed, antennas=8, coherent=False):
-    """Return snapshots (*shape, K, M) of sources with random phases in white noise of unit power."""
+def draws(azimuth_deg, snr_db, shape, seed):
+    """Return snapshots (*shape, 8) of a source with random phases in white noise of unit power."""
     rng = np.random.default_rng(seed)
-    size = (*shape, snapshots, 1 if coherent else len(azimuths_deg))
-    phases = np.exp(2j * np.pi * rng.random(size)) * np.ones(len(azimuths_deg))
-    waves = np.array([wave(azimuth, antennas) for azimuth in azimuths_deg])
-    noise = rng.standard_normal((*shape, snapshots, antennas)) + 1j * rng.standard_normal((*shape, snapshots, antennas))
-    return 10 ** (snr_db / 20) * phases @ waves + noise / np.sqrt(2)
+    phases = np.exp(2j * np.pi * rng.random((*shape, 1)))
+    noise = rng.standard_normal((*shape, 8)) + 1j * rng.standard_normal((*shape, 8))
+    return 10 ** (snr_db / 20) * phases * wave(azimuth_deg) + noise / np.sqrt(2)
 
 
-@pytest.mark.parametrize("azimuth", [0.0, 37.0])
-@pytest.mark.parametrize("antennas", [4, 8])
+@pytest.mark.parametrize(("azimuth", "antennas"), [(0.0, 4), (37.0, 8)])
 def test_bartlett_of_one_wave_is_the_dirichlet_kernel(azimuth, antennas):
-    found = evaluated(one_source(0.25, 0.0, azimuth, antennas), AngleMethod(), antennas)
+    power = evaluated(one_source(0.25, 0.0, azimuth, antennas), AngleMethod(), antennas)
     # Both are exact, so that only rounding is left; 1e-12 of the maximum is a thousand times the rounding of a sum of 64 terms.
-    np.testing.assert_allclose(found, 0.25 * dirichlet(azimuth, antennas) / antennas**2, atol=1e-12)
-    assert found[np.argmin(np.abs(GRID - np.radians(azimuth)))] == pytest.approx(0.25, rel=1e-3)
+    np.testing.assert_allclose(power, 0.25 * dirichlet(azimuth, antennas) / antennas**2, atol=1e-12)
+    assert power[np.argmin(np.abs(GRID - np.radians(azimuth)))] == pytest.approx(0.25, rel=1e-3)
 
 
 @pytest.mark.parametrize("loading", [0.0, 0.05])
-@pytest.mark.parametrize("snr", [0.1, 1.0, 1000.0])
+@pytest.mark.parametrize("snr", [0.1, 1000.0])
 def test_capon_of_one_source_in_white_noise_is_its_closed_form(snr, loading):
     """R^-1 by the Sherman-Morrison formula: P = s / (M - g |a^H a0|^2 / (1 + M g)), with s the noise power and g = power / s."""
     noise = 2.0
-    found = evaluated(one_source(snr * noise, noise, -20.0), AngleMethod("capon", loading))
+    power = evaluated(one_source(snr * noise, noise, -20.0), AngleMethod("capon", loading))
     loaded = noise + loading * (snr * noise + noise)  # the mean eigenvalue is power + noise
     g = snr * noise / loaded
-    np.testing.assert_allclose(found, loaded / (8 - g * dirichlet(-20.0) / (1 + 8 * g)), rtol=1e-9)
-    assert np.degrees(GRID[np.argmax(found)]) == pytest.approx(-20.0, abs=0.25)
+    np.testing.assert_allclose(power, loaded / (8 - g * dirichlet(-20.0) / (1 + 8 * g)), rtol=1e-9)
+    assert np.degrees(GRID[np.argmax(power)]) == pytest.approx(-20.0, abs=0.25)
     if not loading:
-        assert found.max() == pytest.approx(noise * (snr + 1 / 8), rel=1e-3), "source power plus an eighth of the noise"
+        assert power.max() == pytest.approx(noise * (snr + 1 / 8), rel=1e-3), "source power plus an eighth of the noise"
 
 
-@pytest.mark.parametrize("azimuths", [(12.0,), (-9.0, 3.0), (-50.0, 0.0, 9.5)])
+@pytest.mark.parametrize("azimuths", [(12.0,), (-50.0, 0.0, 9.5)])
 def test_music_without_noise_has_its_null_exactly_at_the_sources(azimuths):
     matrix = np.sum([np.outer(wave(a), wave(a).conj()) for a in azimuths], axis=0)
-    found = spectrum(Covariance(matrix, 1000), line(), FREQUENCY, AngleMethod("music", sources=len(azimuths)))
+    at = spectrum(Covariance(matrix, 1000), line(), FREQUENCY, AngleMethod("music", sources=len(azimuths)))
     # The form a^H E E^H a / M is the rounding error of a sum of 64 terms of at most 1/8, below 1e-15 (5 units in the last place of 1).
-    assert (found(unit_vectors(np.radians(azimuths))) > 1e15).all()
+    assert (at(unit_vectors(np.radians(azimuths))) > 1e15).all()
     away = [a for a in np.degrees(GRID) if min(abs(a - b) for b in azimuths) > 2]
-    assert found(unit_vectors(np.radians(away))).max() < 1e4, "1 / (1 - share in the signal subspace) away from the sources"
+    assert at(unit_vectors(np.radians(away))).max() < 1e4, "1 / (1 - share in the signal subspace) away from the sources"
 
 
 def test_music_of_one_source_is_one_over_one_minus_the_dirichlet_share():
-    found = evaluated(one_source(3.0, 0.5, 24.75), AngleMethod("music", sources=1))
-    np.testing.assert_allclose(found, 1 / (1 - dirichlet(24.75) / 64), rtol=1e-9)
+    ratio = evaluated(one_source(3.0, 0.5, 24.75), AngleMethod("music", sources=1))
+    np.testing.assert_allclose(ratio, 1 / (1 - dirichlet(24.75) / 64), rtol=1e-9)
 
 
-@pytest.mark.parametrize("azimuth", [0.0, 25.0])
 @pytest.mark.parametrize("name", ["bartlett", "music", "capon"])
-def test_variance_of_one_source_reaches_the_cramer_rao_bound(name, azimuth):
+def test_variance_of_one_source_reaches_the_cramer_rao_bound(name):
     """Stoica and Nehorai 1989: the variance of psi is 6 / (K SNR M (M^2 - 1)), and that of MUSIC is (1 + 1 / (M SNR)) times as large."""
     snapshots, snr, trials = 32, 10.0, 1500
     bound = 6 / (snapshots * snr * 8 * 63) * (1 + 1 / (8 * snr))
     spread = np.sqrt(bound) / (K * SPACING)  # of sin(theta)
-    sine = np.sin(np.radians(azimuth)) + spread * np.linspace(-6, 6, 301)
-    signals = covariance(draws([azimuth], 10.0, snapshots, (trials,), seed=3))
-    found = spectrum(signals, line(), FREQUENCY, AngleMethod(name, sources=1))(unit_vectors(np.arcsin(sine)))
-    error = (sine[np.argmax(found, axis=1)] - np.sin(np.radians(azimuth))) * K * SPACING
+    sine = np.sin(np.radians(25.0)) + spread * np.linspace(-6, 6, 301)
+    signals = covariance(draws(25.0, 10.0, (trials, snapshots), seed=3))
+    power = spectrum(signals, line(), FREQUENCY, AngleMethod(name, sources=1))(unit_vectors(np.arcsin(sine)))
+    error = (sine[np.argmax(power, axis=1)] - np.sin(np.radians(25.0))) * K * SPACING
     ratio = np.mean(error**2) / bound
     low, high = chi2.ppf([0.0005, 0.9995], trials) / trials  # 0.88 to 1.12, so a correct estimator fails in 1 of 1000 seeds
     assert low < ratio
@@ -113,9 +109,9 @@ def test_variance_of_one_source_reaches_the_cramer_rao_bound(name, azimuth):
     assert ratio < (2.0 if name == "capon" else high)
 
 
-@pytest.mark.parametrize("turn", [0.3, np.pi / 2, 2.5])
-def test_coherent_sources_need_smoothing(turn):
-    both = wave(-7.0) + np.exp(1j * turn) * wave(7.0)
+@pytest.mark.parametrize("phase", [0.3, 2.5])
+def test_coherent_sources_need_smoothing(phase):
+    both = wave(-7.0) + np.exp(1j * phase) * wave(7.0)
     signals = Covariance(np.outer(both, both.conj()) + 1e-3 * np.eye(8), 1000)
     sources = unit_vectors(np.radians([-7.0, 7.0]))
     plain = spectrum(signals, line(), FREQUENCY, AngleMethod("music", sources=2))(sources)
@@ -151,7 +147,7 @@ def uneven():
     return positions
 
 
-NOISY = covariance(draws([10.0], 10.0, 4, (), seed=1))
+NOISY = covariance(draws(10.0, 10.0, (4,), seed=1))
 REFUSED = {
     "unknown method": (lambda: AngleMethod("fft"), "bartlett, capon, music"),
     "negative loading": (lambda: AngleMethod("capon", -0.1), "loading"),

@@ -9,6 +9,7 @@ import radartwin as rt
 from radartwin.builders.radar import named_radar
 from radartwin.radar.angles import azimuth_spectrum
 from radartwin.radar.boards import MMWCAS_RF_EVM
+from radartwin.radar.detection import detect
 from radartwin.radar.processing import azimuth_row, range_fft
 from radartwin.scene import objects
 
@@ -17,6 +18,7 @@ C = 299_792_458.0
 CASCADE_TX_AZIMUTH = [11, 10, 9, 32, 28, 24, 20, 16, 12, 8, 4, 0]
 CASCADE_TX_ELEVATION = [6, 4, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0]
 CASCADE_RX_AZIMUTH = [11, 12, 13, 14, 50, 51, 52, 53, 46, 47, 48, 49, 0, 1, 2, 3]
+SPHERE = rt.Scene([rt.Surface(objects.sphere(0.05), "metal", "ball")])
 # Number of channels, of channels in the azimuth row and of their different places, and the design frequency of the half wavelength.
 ARRAYS = {"iwr1843": (8, 8, 8, 77e9), "iwr6843": (12, 8, 8, 62e9), "awr2243_cascade": (192, 144, 86, 76.8e9)}
 
@@ -27,9 +29,9 @@ def test_azimuth_row_is_a_filled_half_wavelength_line(name):
     radar = named_radar(name)
     assert radar.name == name
     assert radar.num_tx * radar.num_rx == channels
-    chosen = azimuth_row(radar)
-    assert len(chosen) == row
-    y = np.unique(np.round(radar.virtual_positions[chosen, 1] / (C / design_hz / 2), 6))
+    channels_of_row = azimuth_row(radar)
+    assert len(channels_of_row) == row
+    y = np.unique(np.round(radar.virtual_positions[channels_of_row, 1] / (C / design_hz / 2), 6))
     assert len(y) == places
     np.testing.assert_allclose(np.diff(y), 1.0, atol=1e-5)  # rounded to 1e-6 above
 
@@ -77,57 +79,31 @@ def test_resolution_and_speed_follow_from_the_waveform(name, first_hz, bandwidth
     assert radar.start_frequency_hz + radar.sampled_bandwidth_hz <= band_hz[1]
 
 
-def half_power_width_rad(power, angles_rad):
-    """Return the width of the main lobe at half of its power, interpolated linearly between angles."""
-    top = int(power.argmax())
-    low = int(np.flatnonzero(power[:top] < power[top] / 2)[-1])
-    high = top + int(np.flatnonzero(power[top:] < power[top] / 2)[0])
-
-    def crossing(below, above):
-        share = (power[top] / 2 - power[below]) / (power[above] - power[below])
-        return angles_rad[below] + share * (angles_rad[above] - angles_rad[below])
-
-    return crossing(high, high - 1) - crossing(low, low + 1)
-
-
-def sphere_channels(radar, distance_m):
-    """Simulate a metal sphere on the boresight and return the channels (tx, rx) of its range bin."""
-    pose = np.eye(4)
-    pose[0, 3] = -distance_m
-    recording = rt.simulate(rt.Scene([rt.Surface(objects.sphere(0.05), "metal", "ball")]), radar, pose[None])
-    profiles, range_m = range_fft(recording.iq, radar)
-    strongest = int((np.abs(profiles) ** 2).mean(axis=(0, 1, 2, 3)).argmax())
-    assert range_m[strongest] == pytest.approx(distance_m - 0.05, abs=radar.range_resolution_m / 2)
-    return profiles[0, ..., strongest].mean(axis=0)
-
-
 @pytest.mark.parametrize(("name", "distance_m"), [("iwr1843", 8.0), ("iwr6843", 8.0), ("awr2243_cascade", 14.0)])
-def test_beam_of_a_sphere_has_the_width_of_the_array_factor(name, distance_m):
+def test_beam_of_a_sphere_is_the_array_factor(name, distance_m):
     """The array factor is a product of sums over transmitters and receivers of the row, here from the published places in half wavelengths.
-    The far field begins where the phase of the outermost element has an error well below 1 rad: 0.1 rad for the cascade at 14 m. Its effect
-    on the width is of second order, below 1 %. The single-chip arrays are 10 times smaller.
+    At 14 m, the phase of the outermost element of the cascade has an error of 0.1 rad; the single-chip arrays are 10 times smaller.
     """
     radar = dataclasses.replace(named_radar(name), element="isotropic", num_chirps=1)
-    angles = np.radians(np.linspace(-20, 20, 40001))
-    power = azimuth_spectrum(sphere_channels(radar, distance_m)[None], radar, angles)
-    tx = {"iwr1843": [0, 4], "iwr6843": [0, 4], "awr2243_cascade": CASCADE_TX_AZIMUTH[3:]}[name]
+    pose = np.eye(4)
+    pose[0, 3] = -distance_m
+    profiles, range_m = range_fft(rt.simulate(SPHERE, radar, pose[None]).iq, radar)
+    strongest = int((np.abs(profiles) ** 2).mean(axis=(0, 1, 2, 3)).argmax())
+    assert range_m[strongest] == pytest.approx(distance_m - 0.05, abs=radar.range_resolution_m / 2)
+    angles = np.radians(np.linspace(-20, 20, 2001))
+    power = azimuth_spectrum(profiles[0, ..., strongest].mean(axis=0)[None], radar, angles)
+    tx = CASCADE_TX_AZIMUTH[3:] if name == "awr2243_cascade" else [0, 4]
     rx = CASCADE_RX_AZIMUTH if name == "awr2243_cascade" else [0, 1, 2, 3]
     phase = np.pi * np.sin(angles)[:, None] * radar.center_frequency_hz / ARRAYS[name][3]
-    factor = np.abs(np.exp(1j * phase * tx).sum(axis=1) * np.exp(1j * phase * rx).sum(axis=1)) ** 2
-    width = half_power_width_rad(power, angles)
-    assert width == pytest.approx(half_power_width_rad(factor, angles), rel=0.01)
-    assert np.degrees(angles[power.argmax()]) == pytest.approx(0, abs=0.02)
+    factor = np.abs(np.exp(1j * phase * tx).mean(axis=1) * np.exp(1j * phase * rx).mean(axis=1)) ** 2
+    np.testing.assert_allclose(power / power.max(), factor, atol=0.02)
 
 
 def test_speed_folds_at_the_limit_of_twelve_transmitters():
     """A sphere that recedes at 1.3 times the unambiguous speed appears at -0.7 times this speed, because Doppler frequencies repeat."""
-    from radartwin.radar.detection import detect
-
     radar = dataclasses.replace(named_radar("awr2243_cascade"), rx_positions_m=((0.0, 0.0, 0.0), (0.0, 0.002, 0.0)), frame_rate_hz=20.0)
     limit = C / (radar.start_frequency_hz + radar.sampled_bandwidth_hz / 2) / (4 * 12 * 45e-6)
-    for speed, seen in ((0.6 * limit, 0.6 * limit), (1.3 * limit, -0.7 * limit)):
-        poses = np.repeat(np.eye(4)[None], 2, axis=0)
-        poses[:, 0, 3] = -4.0, -4.0 - speed / radar.frame_rate_hz
-        recording = rt.simulate(rt.Scene([rt.Surface(objects.sphere(0.05), "metal", "ball")]), radar, poses)
-        peaks = detect(recording.iq, radar)
-        assert peaks.velocity_mps[0] == pytest.approx(seen, abs=radar.velocity_resolution_mps / 4)
+    poses = np.repeat(np.eye(4)[None], 2, axis=0)
+    poses[:, 0, 3] = -4.0, -4.0 - 1.3 * limit / radar.frame_rate_hz
+    peaks = detect(rt.simulate(SPHERE, radar, poses).iq, radar)
+    assert peaks.velocity_mps[0] == pytest.approx(-0.7 * limit, abs=radar.velocity_resolution_mps / 4)

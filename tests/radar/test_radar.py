@@ -137,9 +137,9 @@ def test_elevation_side_lobe_is_that_of_three_patches():
     """
     assert 20 * np.log10(np.abs(_three_patches([14, 20]))) == pytest.approx([-3, -6], abs=0.2)
     elevations = np.arange(50, 81)
-    found = 20 * np.log10(_elevation_cut(elevations) / _elevation_cut([0]))
-    np.testing.assert_allclose(found, 20 * np.log10(np.abs(_three_patches(elevations))), atol=0.5)
-    assert found.max() == pytest.approx(-12.4, abs=0.1)
+    level_db = 20 * np.log10(_elevation_cut(elevations) / _elevation_cut([0]))
+    np.testing.assert_allclose(level_db, 20 * np.log10(np.abs(_three_patches(elevations))), atol=0.5)
+    assert level_db.max() == pytest.approx(-12.4, abs=0.1)
     lowest = 20 * np.log10(_elevation_cut(np.arange(-80, 81)).min() / _elevation_cut([0])[0])
     assert -20 < lowest < -15
     np.testing.assert_allclose(_elevation_cut(-elevations), _elevation_cut(elevations))

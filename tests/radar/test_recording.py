@@ -3,10 +3,7 @@
 import dataclasses
 import json
 import os
-import subprocess
-import sys
 import threading
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -90,19 +87,6 @@ def test_name_with_dots_may_have_either_suffix_or_none(tmp_path):
         assert Recording.load(tmp_path / name).num_frames == 3
 
 
-def test_saved_bytes_are_the_same_in_another_process(tmp_path):
-    script = f"""
-import sys
-sys.path[:0] = {[str(folder) for folder in Path(__file__).parents[:2]]}
-from test_recording import RADAR, Recording, _noise
-Recording(_noise(), RADAR).save(sys.argv[1])
-"""
-    subprocess.run([sys.executable, "-c", script, str(tmp_path / "other")], check=True, timeout=60)
-    Recording(_noise(), RADAR).save(tmp_path / "here")
-    for suffix in (".bin", ".json"):
-        assert (tmp_path / f"other{suffix}").read_bytes() == (tmp_path / f"here{suffix}").read_bytes()
-
-
 @pytest.mark.parametrize(
     ("iq", "poses", "message"),
     [
@@ -117,7 +101,7 @@ def test_samples_or_poses_of_another_shape_are_refused(iq, poses, message):
     refused([message], Recording, iq, RADAR, poses, error=RecordingError)
 
 
-FILE_DAMAGE = [
+DAMAGE = [
     (lambda s: os.truncate(s.with_suffix(".bin"), 1000), RecordingError, ("a.bin", "truncated")),
     ({"radar": dataclasses.replace(RADAR, num_samples=100).to_dict()}, RecordingError, ("a.bin", "another radar")),
     (lambda s: s.with_suffix(".bin").write_bytes(b""), RecordingError, ("a.bin", "zero frames")),
@@ -127,7 +111,7 @@ FILE_DAMAGE = [
     (lambda s: s.with_suffix(".json").write_text("[]"), RecordingError, ("a.json",)),
     (lambda s: s.with_suffix(".json").write_bytes(b"\xff\xfe\x00"), RecordingError, ("a.json",)),
 ]
-VALUE_DAMAGE = [
+VALUES = [
     ({"sensor_poses": np.full((1, 4, 4), np.nan).tolist()}, ("sensor_poses", "frame 0", "rigid")),
     ({"sensor_poses": [np.eye(4).tolist(), (2 * np.eye(4)).tolist(), np.eye(4).tolist()]}, ("sensor_poses", "frame 1", "rigid")),
     ({"sensor_poses": [np.diag([1.0, 1.0, -1.0, 1.0]).tolist()]}, ("sensor_poses", "rigid")),
@@ -135,11 +119,9 @@ VALUE_DAMAGE = [
     ({"sensor_poses": [[1, 2]]}, ("sensor_poses",)),
     ({"format": "radartwin recording 9"}, ("format", "recording 9")),
     ({"iq_swapped": "false"}, ("iq_swapped",)),
-    ({"scale": ...}, ("scale",)),
     ({"scale": 1e300}, ("scale",)),
     ({"scale": "1"}, ("scale",)),
     ({"radar": ...}, ("radar",)),
-    ({"radar": {"name": "x"}}, ("radar",)),
     ({"radar": 5}, ("radar", "mapping")),
     ({"frames": 2}, ("3 frames", "a.json says 2")),
     ({"provenance": 5}, ("a.json",)),
@@ -148,8 +130,7 @@ VALUE_DAMAGE = [
 
 
 @pytest.mark.parametrize(
-    ("damage", "error", "words"),
-    [*FILE_DAMAGE, *((changes, RecordingError, ("a.json", *words)) for changes, words in VALUE_DAMAGE)],
+    ("damage", "error", "words"), [*DAMAGE, *((changes, RecordingError, ("a.json", *words)) for changes, words in VALUES)]
 )
 @pytest.mark.filterwarnings("error")
 def test_damaged_recording_is_refused_by_one_line_that_names_its_file(tmp_path, damage, error, words):
@@ -198,28 +179,25 @@ def test_unsigned_cube_is_read_as_signed_counts(tmp_path):
     np.testing.assert_array_equal(loaded.iq[0], counts[0] + 1j * counts[1])
 
 
-CUBES = {
-    "does not fit radar": {"iq": np.zeros((8, 8, 60), complex)},
-    "zero frames": {"iq": np.zeros((0, 8, 2, 4, 64), complex)},
-    "it has no array iq": {"cube": np.zeros((2, 2), complex)},
-    "expected complex samples, or int16": {"iq": np.zeros((2, 2))},
-    "sensor_poses must be": {"iq": np.ones(SHAPE, np.complex64), "poses": np.eye(3)},
-}
+CUBES = [  # without arrays, the file is text
+    ({"iq": np.zeros((8, 8, 60), complex)}, RADAR, "does not fit radar"),
+    ({"iq": np.zeros((0, 8, 2, 4, 64), complex)}, RADAR, "zero frames"),
+    ({"cube": np.zeros((2, 2), complex)}, RADAR, "it has no array iq"),
+    ({"iq": np.zeros((2, 2))}, RADAR, "expected complex samples, or int16"),
+    ({"iq": np.ones(SHAPE, np.complex64), "poses": np.eye(3)}, RADAR, "sensor_poses must be"),
+    ({}, None, "does not name its radar; give it as radar"),
+    ({}, RADAR, "cube.npy is not a readable"),
+]
 
 
-@pytest.mark.parametrize("words", CUBES)
-def test_cube_that_is_no_recording_of_the_radar_is_refused(tmp_path, words):
-    np.savez(tmp_path / "cube.npz", allow_pickle=False, **CUBES[words])
-    refused([words], load_capture, tmp_path / "cube.npz", RADAR, error=RecordingError)
+@pytest.mark.parametrize(("arrays", "radar", "words"), CUBES)
+def test_cube_that_is_no_recording_of_the_radar_is_refused(tmp_path, arrays, radar, words):
+    path = tmp_path / ("cube.npz" if arrays else "cube.npy")
+    np.savez(path, **arrays) if arrays else path.write_text("no array")
+    refused([words], load_capture, path, radar, error=RecordingError)
 
 
-def test_cube_without_a_radar_and_text_are_refused(tmp_path):
-    (tmp_path / "text.npy").write_text("no array")
-    refused(["text.npy", "give it as radar"], load_capture, tmp_path / "text.npy", error=RecordingError)
-    refused(["text.npy", "readable"], load_capture, tmp_path / "text.npy", RADAR)
-
-
-@pytest.mark.parametrize("value", [np.nan, -np.inf, 1e300j])
+@pytest.mark.parametrize("value", [np.nan, 1e300j])
 def test_first_frame_with_a_sample_that_is_not_finite_is_named(tmp_path, inside, value):
     iq = np.ones(SHAPE, complex)
     iq[1:, 0, 1, 2, 3] = value

@@ -29,7 +29,6 @@ ARRAYS = [
     ("a.csv", "antenna,y_m\ntx,0\nrx,0\nrx,11\n", ("11 m", "y_half_wavelength")),
     ("a.csv", "antenna,y_m,pattern\ntx,0,dish\nrx,0,dish\nrx,0.002,dish\n", ("dish", "iwr1843")),
     ("a.csv", "antenna,y_m,pattern\ntx,0,isotropic\nrx,0,iwr1843\nrx,0.002,iwr1843\n", ("one pattern", "isotropic")),
-    ("a.csv", "antenna,y_m,colour\ntx,0,red\nrx,0,red\n", ("colour", "gain_db")),
     ("a.csv", "antenna,y_m\nboth,0\nrx,0\n", ("antenna 1", "both")),
     ("a.csv", "antenna,y_m\ntx,0,0\n", ("line 2", "cells")),
     ("a.csv", 'antenna,y_m\n"tx,0\n', ("valid CSV",)),
@@ -42,17 +41,13 @@ ARRAYS = [
     ("a.yaml", "spacing: 1\nelements: []", ("spacing",)),
     ("a.yaml", "elements: [{antenna: tx, y_m: true}, {antenna: rx, y_m: 0}]", ("antenna 1", "True")),
     ("a.yaml", "elements: [{antenna: rx, y_m: 0}, {antenna: [tx], y_m: 0}]", ("antenna 2: antenna must be a single", "['tx']")),
-    ("a.yaml", "elements: [{antenna: {kind: tx}, y_m: 0}]", ("antenna 1: antenna must be a single", "{'kind': 'tx'}")),
-    ("a.yaml", "elements: [{antenna: tx, y_m: 0, pattern: [iwr1843]}]", ("antenna 1: pattern must be a single", "['iwr1843']")),
     ("a.yaml", "pattern: [iwr1843]\nelements: [{antenna: tx, y_m: 0}]", ("a.yaml: pattern must be a single", "['iwr1843']")),
-    ("a.yaml", "design_frequency_hz: {hz: 60}\nelements: [{antenna: tx, y_m: 0}]", ("a.yaml: design_frequency_hz must be", "{'hz': 60}")),
     ("a.txt", "antenna,y_m", (".csv",)),
 ]
 # Changes of a valid .cfg.
 CONFIGURATIONS = [
     ("frameCfg 0 1 16", "frameCfg 0 1 x16", "line 11: frameCfg: 'x16' is not a number"),
     ("profileCfg 0 77", "profileCfg nan 77", "line 8: profileCfg: nan is not a finite number"),
-    ("profileCfg 0 77", "profileCfg 0 1e999", "line 8: profileCfg: 1e999 is not a finite number"),
     ("0 77 7 5 60 0 0 70 1 256 5210 0 0 30", "0 77 7 5", "line 8: profileCfg needs"),
     ("70 1 256 5210", "70 1 256.5 5210", "line 8: 256.5 must be a whole number"),
     ("frameCfg 0 1 16 0 100 1 0\n", "", "no frameCfg"),
@@ -71,7 +66,6 @@ CONFIGURATIONS = [
 # Changed parts of the first device of a valid .mmwave.json: the place, its last key and the value.
 STUDIO = [
     ("", "rfConfig", []),
-    ("", "rawDataCaptureConfig", []),
     ("rawDataCaptureConfig", "rlDevLaneEnable_t", 5),
     ("rawDataCaptureConfig.rlDevLaneEnable_t", "laneEn", float("inf")),
     ("rawDataCaptureConfig.rlDevLaneEnable_t", "laneEn", "0xF"),
@@ -81,7 +75,7 @@ STUDIO = [
     ("rfConfig.rlFrameCfg_t", "numLoops", 1.5),
 ]
 RADARS = [
-    *(("x.mmwave.json", json.dumps({"mmWaveDevices": devices}), ()) for devices in ([], 5, [5], {})),
+    *(("x.mmwave.json", json.dumps({"mmWaveDevices": devices}), ()) for devices in ([], 5, [5])),
     ("r.yaml", "{1: 2, a: 3}", ("radar",)),
     ("r.yaml", "radar: 5", ("radar",)),
     ("r.yaml", "a: [1", ("line 1",)),
@@ -90,7 +84,7 @@ RADARS = [
     ("r.json", "{", ("line 1",)),
     ("r.json", "[1]", ()),
     ("r.txt", "channelCfg 15 5 0", (".cfg",)),
-    *(("r.json", json.dumps({**Radar.iwr1843().to_dict(), "waveform": name}), (str(name), "FMCW")) for name in ("pmcw", "ofdm", 5)),
+    *(("r.json", json.dumps({**Radar.iwr1843().to_dict(), "waveform": name}), (str(name), "FMCW")) for name in ("ofdm", 5)),
 ]
 MAPPINGS = [
     ("m.yaml", "captures: [", ("line 1",)),

@@ -54,16 +54,3 @@ def test_board_follows_from_carrier_and_enabled_transmitters(tmp_path, start_ghz
     changes = {"profileCfg 0 77": f"profileCfg 0 {start_ghz}", "channelCfg 15 5": f"channelCfg 15 {tx_mask}"}
     radar = read(tmp_path, *changes.items(), ("0 0 0 0 0 4", f"0 0 0 0 0 {tx_mask - 1}"))
     assert np.ptp(radar.tx_positions[:, 1]) == pytest.approx(spacing_m, rel=1e-9)
-
-
-def test_studio_json_is_read_as_the_radar_of_the_static_room(shared_data):
-    radar = Radar.from_file(shared_data / "radar/iwr6843_static_room/iwr6843_mmwaveDevice.mmwave.json")
-    assert (radar.num_tx, radar.num_rx, radar.num_chirps, radar.num_samples) == (3, 4, 85, 512)
-    assert radar.start_frequency_hz == pytest.approx(60e9 + 6 * 29.837e6, rel=1e-9)
-    assert radar.range_resolution_m == pytest.approx(0.0392, abs=1e-4)
-    assert radar.unambiguous_range_m == pytest.approx(20.1, abs=0.05)
-    assert radar.chirp_interval == pytest.approx(414e-6)
-    assert radar.velocity_resolution_mps / 2 < 0.07 / 2 * 1.1
-    assert radar.frame_rate_hz == pytest.approx(1 / 0.15)
-    # TX2 is raised, so eight channels form a row and four lie above it.
-    assert np.count_nonzero(np.abs(radar.virtual_positions[:, 2]) < 1e-9) == 8

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from made_files import LFS
-from test_frames import arkit, own, pose_file, wall
+from test_frames import arkit, pose_file, stored, wall
 from test_fusion import frames
 from test_scan_mesh import HALL, field, room, write_glb, write_obj
 
@@ -80,17 +80,18 @@ ROWS: list[Row] = [
     of_file("EXT_mesh_gpu_instancing", "a.glb", lambda path: write_glb(path, HALL, extensionsUsed=["EXT_mesh_gpu_instancing"])),
     of_file("has a node with two parents, or a cycle of nodes", "a.glb", lambda path: write_glb(path, HALL, node={"children": [0]})),
     of_file("a face has a corner without a vertex", "a.obj", lambda path: path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3 4\n")),
-    (ScanError, "--unit does not apply to frames", lambda folder: reconstruct(own(folder / "own"), options=ScanOptions(unit="mm"))),
-    (ScanError, "--object does not apply to frames", lambda folder: reconstruct(own(folder / "own"), options=ScanOptions(is_object=True))),
-    (ScanError, "--poses applies only to a folder of frames", lambda _: reconstruct("a.ply", options=ScanOptions(poses="opencv"))),
+    *(
+        (ScanError, f"--{name} does not apply to frames", lambda folder, given=given: reconstruct(stored(folder / "a"), options=given))
+        for name, given in (("unit", ScanOptions(unit="mm")), ("object", ScanOptions(is_object=True)))
+    ),
     (MissingError, "not a folder", lambda folder: load_frames(folder / "nowhere")),
     of_folder(ScanError, "no frames found", Path.mkdir),
-    of_folder(ScanError, "--up up is unknown; choose x, y, z", own, up="up"),
-    of_folder(ScanError, "--poses sideways is unknown; choose opencv, opengl", own, poses="sideways"),
-    of_folder(ScanError, "--intrinsics does not apply because frames.json defines it; leave --", own, intrinsics=(1, 1, 1, 1)),
-    of_folder(ScanError, "--depth-unit does not apply because frames.json defines it; leave --", own, depth_unit_m=0.001),
-    of_folder(ScanError, "--up does not apply because frames.json defines it; leave --", own, up="y"),
-    of_folder(ScanError, "--poses does not apply because frames.json defines it; leave --", own, poses="opengl"),
+    of_folder(ScanError, "--up up is unknown; choose x, y, z", stored, up="up"),
+    of_folder(ScanError, "--poses sideways is unknown; choose opencv, opengl", stored, poses="sideways"),
+    of_folder(ScanError, "--intrinsics does not apply because frames.json defines it; leave --", stored, intrinsics=LENS),
+    of_folder(ScanError, "--depth-unit does not apply because frames.json defines it; leave --", stored, depth_unit_m=0.001),
+    of_folder(ScanError, "--up does not apply because frames.json defines it; leave --", stored, up="y"),
+    of_folder(ScanError, "--poses does not apply because frames.json defines it; leave --", stored, poses="opengl"),
     of_folder(ScanError, "--depth-unit 0: give metres", arkit, depth_unit_m=0.0),
     of_folder(ScanError, "--depth-unit does not apply", arkit, depth_unit_m=0.001, colour_only=True),
     of_folder(ScanError, "--depth-unit 1 ", lambda folder: arkit(folder, unit=1.0)),
@@ -101,9 +102,9 @@ ROWS: list[Row] = [
     of_folder(ScanError, r"frame_00001\.json: no camera", changed(arkit, "frame_00001.json", b"{}")),
     of_folder(PoseError, "00000 mirrors", lambda folder: arkit(folder, flip=-1.0)),
     of_folder(PoseError, "not a rotation", lambda folder: arkit(folder, flip=1.1)),
-    of_folder(ScanError, r"frames\.json: damaged", changed(own, "frames.json", b"{}")),
-    of_folder(ScanError, "no poses", changed(own, "frames.json", None)),
-    of_folder(MissingError, r"depth/a\.png", changed(own, "depth/a.png", None)),
+    of_folder(ScanError, r"frames\.json: damaged", changed(stored, "frames.json", b"{}")),
+    of_folder(ScanError, "no poses", changed(stored, "frames.json", None)),
+    of_folder(MissingError, r"depth/a\.png", changed(stored, "depth/a.png", None)),
     of_folder(ScanError, "1 pose, 2 depth and 2 colour", lambda path: pose_file(path, ["0 0 0 0 0 0 1"], 2), intrinsics=LENS),
     of_folder(PoseError, "line 1: 7 numbers", lambda path: pose_file(path, ["0 0 0 0 0 1"]), intrinsics=LENS),
     of_folder(PoseError, "length 2", lambda path: pose_file(path, ["0 0 0 0 0 0 2"]), intrinsics=LENS),

@@ -48,8 +48,8 @@ def test_up_axis_is_found_or_given_and_handedness_kept(tmp_path, up, suffix):
     trimesh.Trimesh(in_frame(mesh.vertices, up), mesh.faces, process=False).export(path)
     loaded, report = load_scan(path, up=up)
     assert (report.up, report.up_from) == (up, "as given")
-    found = load_scan(path)[1]  # a negative axis is not found, because a room has as much floor as ceiling
-    assert (found.up, found.up_from) == (up[-1], "found from the horizontal area")
+    guess = load_scan(path)[1]  # a negative axis is not found, because a room has as much floor as ceiling
+    assert (guess.up, guess.up_from) == (up[-1], "found from the horizontal area")
     assert np.allclose(loaded.bounds, mesh.bounds, atol=1e-6)
     floor = loaded.triangles_center[:, 2] < loaded.bounds[0, 2] + 0.01
     assert (loaded.face_normals[floor, 2] > 0.99).all()
@@ -318,8 +318,8 @@ def test_faces_keep_the_colours_of_two_pictures_and_at_a_seam(tmp_path):
 def test_normals_continue_across_the_seam_of_a_picture(tmp_path):
     picture(tmp_path / "a.png", RED, GREEN)
     (tmp_path / "a.mtl").write_text("newmtl m\nmap_Kd a.png\n")
-    turn = 2 * np.pi * np.arange(36) / 36
-    lines = ["mtllib a.mtl", *(f"v {np.cos(t):.6f} {np.sin(t):.6f} {z}" for z in (0, 2) for t in turn)]
+    angles = 2 * np.pi * np.arange(36) / 36
+    lines = ["mtllib a.mtl", *(f"v {np.cos(t):.6f} {np.sin(t):.6f} {z}" for z in (0, 2) for t in angles)]
     lines += [*(f"vt {k / 36:.6f} {v}" for v in (0, 1) for k in range(37)), "usemtl m"]
     lines += [f"f {k + 1}/{k + 1} {(k + 1) % 36 + 1}/{k + 2} {(k + 1) % 36 + 37}/{k + 39} {k + 37}/{k + 38}" for k in range(36)]
     (tmp_path / "a.obj").write_text("\n".join(lines) + "\n")

