@@ -209,8 +209,10 @@ def test_radial_velocity_is_finer_than_a_doppler_bin() -> None:
     assert np.sqrt(np.mean(difference**2)) < 0.06  # the straight line through nine frames smooths the turning point of the motion
 
 
-def test_the_rate_of_a_drive_past_the_target_has_no_turn() -> None:
-    """The rate changes slowly, so that the result is the line through nine frames at each frame of the middle."""
+def test_the_rate_of_a_drive_turns_at_the_target_and_has_no_turn_past_it() -> None:
+    """The rate of a drive past the target changes slowly, so that the result is the line through nine frames at each middle frame."""
+    there_and_back = 1.0 + 0.2 * np.abs(np.arange(49) - 24) / RADAR.frame_rate_hz
+    assert doppler.range_rate(there_and_back, RADAR.frame_rate_hz) == pytest.approx(np.where(np.arange(49) < 24, -0.2, 0.2))
     time = np.arange(17) * 0.3
     away = np.hypot(0.5, 0.24 * (time - 2.4))
     middle = [np.polyfit(time[k - 4 : k + 5], away[k - 4 : k + 5], 1)[0] for k in range(4, 13)]
