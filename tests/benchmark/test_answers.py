@@ -106,6 +106,13 @@ def test_full_wave_answers_are_the_stored_fields(room: str) -> None:
     assert case.answer[0] == pytest.approx(fullwave.to_points(*fullwave.field(furnished.ROOMS, room)), rel=1e-5)
 
 
+def test_physical_optics_of_a_wide_strip_is_the_mirror_image() -> None:
+    """A strip of 8 m at 1 m is a mirror up to its edge waves: the field is minus that of the line source at twice the distance."""
+    wave = 2 * np.pi * 77e9 / SPEED_OF_LIGHT
+    image = -0.25j * np.sqrt(2 / (np.pi * wave * 2)) * np.exp(1j * (2 * wave - np.pi / 4))  # far form of the Hankel function, k r = 3227
+    assert sections_2d.optics(sections_2d.strip(8.0, 1.0, 0.0), 77e9) == pytest.approx(image, rel=5e-3)
+
+
 @pytest.mark.slow
 def test_known_error_of_physical_optics_is_that_of_the_sections() -> None:
     """The stated errors were computed over 11 frames and four frequencies; two frames give the same within a factor of two."""

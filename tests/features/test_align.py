@@ -26,6 +26,8 @@ def test_recordings_of_different_length_are_aligned() -> None:
     rng = np.random.default_rng(1)
     long, short = drive(np.arange(80) / 10 - 1.7, rng), drive(np.arange(50) / 10, rng)
     assert (start_offset(short, long, 30), start_offset(long, short, 30)) == (17, -17)
+    ramp = np.exp(np.linspace(0, 3, 40))  # correlates perfectly with itself at every offset, of which the smallest is taken
+    assert start_offset(ramp, ramp, 20) == 0
 
 
 def test_overlap_returns_the_common_frames() -> None:

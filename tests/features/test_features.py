@@ -93,14 +93,17 @@ def test_crest_factor_and_entropy_of_a_quarter_pulse() -> None:
         assert envelope.entropy(pulse) == pytest.approx(np.log(FRAMES // 4) / np.log(FRAMES))
 
 
-def test_track_of_an_approach_is_exact_to_a_millimetre_at_any_scale() -> None:
-    frames = 50
-    along = 1.5 - 0.2 * np.arange(frames) / RADAR.frame_rate_hz
-    for scale in (1.0, 1e-4):
-        made = process(echoes(frames, [(scale, lambda t: 1.5 - 0.2 * t)]))
-        tracked = track.around(made, along, RADAR.frame_rate_hz)
-        assert tracked == pytest.approx(along, abs=1e-3)
-        assert track.excursion(tracked) == pytest.approx(0.98, abs=2e-3)
+@pytest.mark.parametrize(
+    ("frames", "start_m", "speed_mps", "scale", "error_m"),
+    [(50, 1.5, 0.2, 1.0, 1e-3), (50, 1.5, 0.2, 1e-4, 1e-3), (20, 4.8, 2.0, 1.0, 0.02)],
+)
+def test_track_of_an_approach_is_exact_at_any_scale_and_speed(
+    frames: int, start_m: float, speed_mps: float, scale: float, error_m: float
+) -> None:
+    along = start_m - speed_mps * np.arange(frames) / RADAR.frame_rate_hz
+    tracked = track.around(process(echoes(frames, [(scale, lambda t: start_m - speed_mps * t)])), along, RADAR.frame_rate_hz)
+    assert tracked == pytest.approx(along, abs=error_m)
+    assert track.excursion(tracked) == pytest.approx(speed_mps * (frames - 1) / RADAR.frame_rate_hz, abs=2 * error_m)
 
 
 def test_track_is_the_power_weighted_mean_of_two_echoes_in_one_gate() -> None:

@@ -69,6 +69,7 @@ def test_a_later_start_rolls_channel_0_and_keeps_channel_1():
     assert second[0] == pytest.approx(np.roll(first[0], -rows, axis=0), abs=1e-5)
     assert second[1] == pytest.approx(first[1], abs=1e-4)
     assert np.abs(second[0] - first[0]).max() > 0.05
+    assert picture(turning(2 * FRAMES), angle(2 * FRAMES), AXIS_M) == pytest.approx(first, abs=5e-3), "two equal revolutions"
 
 
 def test_channel_1_holds_the_lowest_doppler_frequencies_of_the_signature():
