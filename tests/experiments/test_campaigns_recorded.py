@@ -266,6 +266,13 @@ def test_an_invalid_period_gives_a_one_line_error(folder: Path, tmp_path: Path, 
         campaign.log(campaign.cases("measured")[0])
 
 
+@pytest.mark.parametrize(("motion", "start_m", "end_m"), [("depth", 1.48, 1.48), ("radial", 1.0, 1.6)])
+def test_motion_rests_at_its_end(motion: Motion, start_m: float, end_m: float) -> None:
+    away = course(Case("mug", "lab" if motion == "radial" else "squash_court", motion, 1.0), 10.0, 200).distance_m
+    assert away[0] == pytest.approx(start_m, abs=1e-9)
+    assert away[-1] == away[-50] == pytest.approx(end_m, abs=1e-6)
+
+
 def test_only_straight_drives_share_a_track() -> None:
     line = course(Case("mug", "squash_court", "lateral", 1.0), 10.0, 50).sensor_poses
     there_and_back = course(Case("mug", "squash_court", "depth", 1.0), 10.0, 49).sensor_poses

@@ -54,6 +54,13 @@ def test_our_capabilities_agree_with_the_papers_table(axis: str) -> None:
     assert capability.startswith(CELLS[OURS][AXES.index(axis)])
 
 
+def test_rfgenesis_has_one_bounce_and_one_material() -> None:
+    """The paper of RF-Genesis claims multipath propagation, but the released program traces one bounce and one material."""
+    line = positioning.row("RF-Genesis")
+    assert (line["verdict"], line["value"], line["n"]) == ("misses", 0.5, 2)
+    assert "multipath: no (1-bounce), not yes" in line["checked here"]
+
+
 def test_cell_of_a_failed_check_is_empty(monkeypatch: pytest.MonkeyPatch) -> None:
     for axis in AXES:
         monkeypatch.setitem(capabilities.CHECKS[OURS], axis, lambda: ("as ever", True))
