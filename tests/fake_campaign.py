@@ -1,13 +1,12 @@
-"""Replace the virtual measurement campaign by a class that needs no simulator. Its recordings contain point echoes whose modulation, level
-and room echoes depend on the object.
-
-The measured recordings differ from the simulated recordings in gain, noise, room echoes and slightly in the echo pattern of each object. A
-test therefore knows which properties of an object are equal in simulation and measurement.
+"""Replace the virtual measurement campaign by a class that needs no simulator. A test knows which properties of an object are equal in both
+domains: the measured recordings differ in gain, noise, room echoes and slightly in the echo pattern of each object.
 """
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 
 import numpy as np
 
@@ -123,9 +122,14 @@ class FakeCampaign:
         return spec_digest([domain, case, self.materials, self.signature, self.gap, frames])[:32], made
 
 
+@functools.cache
+def _read(source: RecordingSource, wanted: tuple[tuple[str, Case], ...]) -> Frame:
+    return frame.read(source, wanted, Progress(quiet=True))
+
+
 def frame_of(source: RecordingSource, *motions: str, several: bool = False) -> Frame:
     """Read the frame of a campaign, without a store."""
-    return frame.read(source, frame.shared(source, motions or ("turntable",), several=several), Progress(quiet=True))
+    return _read(source, tuple(frame.shared(source, motions or ("turntable",), several=several))).copy()
 
 
 def sides_of(sides: Mapping[str, RecordingSource], *motions: str) -> Frame:
@@ -134,14 +138,19 @@ def sides_of(sides: Mapping[str, RecordingSource], *motions: str) -> Frame:
 
     first, *_ = sides.values()
     wanted = frame.shared(first, motions or ("turntable",), several=True)
-    measured, twins = ([one for one in wanted if one[0] == domain] for domain in (MEASURED, TWIN))
-    parts = [frame.read(source, twins, Progress(quiet=True)).assign(side=name) for name, source in sides.items()]
-    return pd.concat([frame.read(first, measured, Progress(quiet=True)), *parts], ignore_index=True)
+    measured, twins = (tuple(recording for recording in wanted if recording[0] == domain) for domain in (MEASURED, TWIN))
+    parts = [_read(source, twins).assign(side=name) for name, source in sides.items()]
+    return pd.concat([_read(first, measured), *parts], ignore_index=True)
+
+
+@functools.cache
+def _composed(*overrides: str) -> Config:
+    return compose(list(overrides))
 
 
 def config(name: str, *overrides: str) -> Config:
     """Return the configuration of a results table with few bootstrap resamples."""
-    return compose([f"experiment={name}", "output=/tmp/nowhere", "profile.resamples=200", *overrides])
+    return deepcopy(_composed(f"experiment={name}", "output=/tmp/nowhere", "profile.resamples=200", *overrides))
 
 
 def find(result: Result, **wanted) -> dict:

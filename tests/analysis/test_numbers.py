@@ -37,7 +37,7 @@ def test_numbers_of_the_named_table_are_found(text, known):
 @pytest.mark.parametrize("text", ABSENT)
 def test_other_numbers_are_not_found(text, known):
     number, strict = ABSENT[text]
-    assert [(found.text, found.strict) for found in numbers.missing(text, known)] == [(number, strict)]
+    assert [(number_in_text.text, number_in_text.strict) for number_in_text in numbers.missing(text, known)] == [(number, strict)]
 
 
 def test_every_committed_table_has_numbers():

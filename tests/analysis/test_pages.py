@@ -6,7 +6,7 @@ import pytest
 from jinja2 import UndefinedError
 
 from analysis import numbers
-from analysis.pages import findings, paper_tables, readme
+from analysis.pages import choosing, findings, paper_tables, readme
 from analysis.pages.template import ROOT, filled
 
 TABLE = """case,paper,value,low,high,draws,verdict
@@ -53,19 +53,14 @@ def test_a_place_that_fits_no_row_is_refused(place, told, folder):
         filled(place, folder)
 
 
-def test_findings_follow_from_the_committed_tables():
-    page = findings.PAGE.read_text(encoding="utf-8")
-    assert page == findings.text()
-    assert len(re.findall(r"[^\s|]*\w[^\s|]*", page)) <= WORDS
+@pytest.mark.parametrize("page", [findings, readme, paper_tables, choosing])
+def test_pages_follow_from_the_committed_tables(page):
+    assert page.PAGE.read_text(encoding="utf-8") == page.text()
 
 
-def test_claims_in_the_readme_follow_from_the_committed_tables():
+def test_findings_and_readme_are_short():
+    assert len(re.findall(r"[^\s|]*\w[^\s|]*", findings.PAGE.read_text(encoding="utf-8"))) <= WORDS
     assert len(readme.PAGE.read_text(encoding="utf-8").splitlines()) <= LINES
-    assert readme.PAGE.read_text(encoding="utf-8") == readme.text()
-
-
-def test_the_papers_tables_follow_from_the_committed_tables():
-    assert paper_tables.PAGE.read_text(encoding="utf-8") == paper_tables.text()
 
 
 def test_a_row_of_the_papers_tables_names_one_row_of_the_results():
@@ -78,12 +73,12 @@ def test_a_row_of_the_papers_tables_names_one_row_of_the_results():
 
 
 def test_a_primary_claim_has_the_verdict_of_the_headline():
-    shown = paper_tables.answer(
+    answer = paper_tables.answer(
         paper_tables.committed,
         "",
         {"table": "environment", "metric": "energy share beyond the target", "case": "measured (testbed)", "distance_m": 2.0},
     )
-    assert shown == ("0.25 (0.11 to 0.45 at 99.4 %)", "10", "contradicted")
+    assert answer == ("0.25 (0.11 to 0.45 at 99.4 %)", "10", "contradicted")
 
 
 def test_a_report_without_a_table_says_so():
@@ -94,5 +89,5 @@ def test_a_report_without_a_table_says_so():
 
 @pytest.mark.parametrize("page", ["README.md", "docs/findings.md"])
 def test_numbers_in_tables_of_the_pages_are_in_the_committed_tables(page):
-    found = numbers.missing((ROOT / page).read_text(encoding="utf-8"), numbers.tables())
-    assert not [number for number in found if number.strict]
+    missing = numbers.missing((ROOT / page).read_text(encoding="utf-8"), numbers.tables())
+    assert not [number for number in missing if number.strict]

@@ -1,6 +1,4 @@
-"""Tests of the report's folder: the content of each table, HTML escaping, intact links, and equal bytes when the report
-is written twice.
-"""
+"""Tests of the report's folder: the content of each table, HTML escaping, intact links, and equal bytes of a second report."""
 
 from __future__ import annotations
 
@@ -161,8 +159,8 @@ def test_second_report_has_equal_bytes_and_removes_leftovers(written: Path, tmp_
 
 
 def _parts(output: Path) -> Path:
-    (found,) = (output / "report").glob("parts-*")
-    return found
+    (parts,) = (output / "report").glob("parts-*")
+    return parts
 
 
 def test_missing_figure_is_named_and_the_old_report_stays(written: Path, tmp_path: Path) -> None:
@@ -191,28 +189,25 @@ def test_run_times_and_seed_come_from_the_cache_and_products_count_once(tmp_path
         path.mkdir(parents=True)
         (path / "meta.json").write_text(json.dumps(meta))
 
-    shared, own = "c" * 32, "d" * 32
+    shared, private = "c" * 32, "d" * 32
     product("recording", shared, core_seconds=100.0)
-    product("scan", own, core_seconds=11.0)
-    for name, key, keys in (("environment", reported.KEY, [shared]), ("scan", reported.OLD_KEY, [shared, own, "../../x", 5])):
+    product("scan", private, core_seconds=11.0)
+    for name, key, keys in (("environment", reported.KEY, [shared]), ("scan", reported.OLD_KEY, [shared, private, "../../x", 5])):
         product("run", key, core_seconds=2.0, spec={"config": {"seed": 7}}, finished=f"of {name}", radartwin="0.1.0")
         (tmp_path / "cache" / "run" / key / "result.json").write_text(json.dumps({"keys": keys}))
     sections = [
         Section(registry.table(name), tmp_path, "quick", key) for name, key in (("environment", reported.KEY), ("scan", reported.OLD_KEY))
     ]
-    found = origin.of(sections, tmp_path)
-    assert [run.seed for run in found.runs] == [7, 7]
-    assert found.runs[1].made == {shared: 100.0, own: 11.0}
-    assert found.core_seconds == 2 + 2
-    assert found.made == {shared: 100.0, own: 11.0}
-    assert "no mlflow.db" in found.tracking
+    origins = origin.of(sections, tmp_path)
+    assert [run.seed for run in origins.runs] == [7, 7]
+    assert origins.runs[1].made == {shared: 100.0, private: 11.0}
+    assert origins.core_seconds == 2 + 2
+    assert origins.made == {shared: 100.0, private: 11.0}
+    assert "no mlflow.db" in origins.tracking
     (tmp_path / "mlflow.db").write_bytes(b"not a database, but long enough to be read as one" * 100)
     assert "cannot be read" in origin.of(sections, tmp_path).tracking
-
-
-def test_cleared_cache_leaves_run_times_unknown(tmp_path: Path) -> None:
-    (run,) = origin.of([Section(registry.table("environment"), tmp_path, "quick", "../../etc")], tmp_path).runs
-    assert (run.seed, run.core_seconds, run.made, run.mlflow) == (None, None, {}, "")
+    (cleared,) = origin.of([Section(registry.table("environment"), tmp_path, "quick", "../../etc")], tmp_path).runs
+    assert (cleared.seed, cleared.core_seconds, cleared.made, cleared.mlflow) == (None, None, {}, "")
 
 
 def test_failed_run_loses_only_its_own_table(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -45,8 +45,8 @@ def test_markdown_lines_have_one_cell_per_column_and_a_dash_for_an_absent_value(
     assert "| – |" in lines[-1]
 
 
-def test_latex_escapes_its_special_characters() -> None:
-    text = tables.to_latex(TABLE, [row()])
+def test_latex_escapes_its_special_characters_and_has_commands_for_symbols() -> None:
+    text = tables.to_latex(TABLE, [row(metric="ρ ≥ 0.5 ± 3 µm² at λ/2, 45° → −1–2 × ε")])
     assert r"The room \& the signal" in text
     assert r"50 \% of\_all" in text
     assert text.count(r"\toprule") == text.count(r"\bottomrule") == 1
@@ -54,10 +54,6 @@ def test_latex_escapes_its_special_characters() -> None:
     columns = text.split(r"\begin{tabular}{")[1].split("}")[0]
     lines = [line for line in text.splitlines() if line.endswith(r"\\")]
     assert {line.replace(r"\&", "").count("&") + 1 for line in lines} == {len(columns)}
-
-
-def test_latex_has_commands_for_symbols() -> None:
-    text = tables.to_latex(TABLE, [row(metric="ρ ≥ 0.5 ± 3 µm² at λ/2, 45° → −1–2 × ε")])
     assert text.isascii()
     assert r"$\rho$ $\geq$ 0.5 $\pm$ 3 $\mu$m$^2$" in text
     assert r"\begin{table*}" in text  # nine columns
@@ -94,14 +90,11 @@ def test_row_without_a_score_column_is_refused() -> None:
         check_rows("t", [{k: v for k, v in row().items() if k != "verdict"}])
 
 
-@pytest.mark.parametrize("draws", [3, "3"])
-def test_caption_names_the_draws_of_new_rows_and_of_rows_read_from_csv(draws: int | str) -> None:
-    assert "means over 3 draws" in tables.caption(TABLE, [row(draws=draws), row(draws="")])
-
-
-def test_caption_notes_a_testbed_score() -> None:
+def test_caption_notes_a_testbed_score_and_the_draws_of_new_rows_and_of_rows_read_from_csv() -> None:
     assert "not a measurement of reality" in tables.caption(TABLE, [row()])
     assert tables.caption(TABLE, [row(domain="recordings")]) == TABLE.caption
+    for draws in (3, "3"):
+        assert "means over 3 draws" in tables.caption(TABLE, [row(draws=draws), row(draws="")])
 
 
 @pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")

@@ -24,18 +24,25 @@ def frequencies(problem: Problem) -> np.ndarray:
 
 
 def scenario(problem: str, name: str) -> tuple[Problem, answers.Scenario]:
-    found = answers.problem(problem)
-    return found, next(one for one in found.scenarios if one.name == name)
+    of_problem = answers.problem(problem)
+    return of_problem, next(case for case in of_problem.scenarios if case.name == name)
 
 
 def test_six_problems_have_their_checksums_and_are_small() -> None:
-    found = answers.problems()  # reads every file and checks its SHA-256
-    assert [one.name for one in found] == ["canonical", "near", "empty_room", "object_in_room", "furnished_drive", "fullwave_rooms"]
-    assert [len(one.scenarios) for one in found] == [4, 1, 1, 1, 3, 39]
+    problems = answers.problems()  # reads every file and checks its SHA-256
+    assert [problem.name for problem in problems] == [
+        "canonical",
+        "near",
+        "empty_room",
+        "object_in_room",
+        "furnished_drive",
+        "fullwave_rooms",
+    ]
+    assert [len(problem.scenarios) for problem in problems] == [4, 1, 1, 1, 3, 39]
     assert sum(path.stat().st_size for path in FOLDER.iterdir()) < MOST_BYTES
-    for one in found:
-        for case in one.scenarios:
-            assert case.answer.shape[1] == one.radar.num_samples
+    for problem in problems:
+        for case in problem.scenarios:
+            assert case.answer.shape[1] == problem.radar.num_samples
             assert case.frames >= case.scored
             assert np.isfinite(case.answer).all()
 
@@ -62,9 +69,7 @@ def test_another_format_and_an_unknown_problem_are_refused(tmp_path: Path) -> No
 
 
 def test_plate_that_faces_the_radar_matches_the_fresnel_aperture() -> None:
-    """A plate at 1 m returns lambda/(8 pi d) times a Fresnel factor for each side, [C + jS](u) / (0.5 + 0.5j). The factor is paraxial. Its
-    error is of the order of (side/distance)^2/4 = 0.0025.
-    """
+    """The level is lambda/(8 pi d) times a paraxial factor [C + jS](u) / (0.5 + 0.5j) a side, with an error of (side/distance)^2/4."""
     problem, plate = scenario("canonical", "plate")
     wavelength = SPEED_OF_LIGHT / frequencies(problem)
     u = 0.05 * np.sqrt(4 / wavelength)  # the two-way phase k y^2/d equals pi u^2/2 with u = y sqrt(4/(lambda d)), d = 1 m
@@ -84,10 +89,7 @@ def test_sphere_has_the_level_of_geometric_optics() -> None:
 
 
 def test_strongest_single_reflections_of_the_room_are_in_the_answer() -> None:
-    """The answer of the empty room is a sum of mirror images. The matched filter at the length of the path to the floor and back finds the
-    level of that image, lambda/(8 pi h) times the Fresnel coefficient of concrete at normal incidence times the polarisation factor 1,
-    within 10 %, because side lobes of other images add.
-    """
+    """The floor's image has the level lambda/(8 pi h) times the Fresnel coefficient of concrete, plus side lobes of other images."""
     problem, office = scenario("empty_room", "office")
     height = float(office.sensor[0, 2, 3])
     f = frequencies(problem)
@@ -100,8 +102,8 @@ def test_strongest_single_reflections_of_the_room_are_in_the_answer() -> None:
 
 @pytest.mark.parametrize("room", ["wall_01", "free_30"])
 def test_full_wave_answers_are_the_stored_fields(room: str) -> None:
-    _, found = scenario("fullwave_rooms", room)
-    assert found.answer[0] == pytest.approx(fullwave.to_points(*fullwave.field(furnished.ROOMS, room)), rel=1e-5)
+    _, case = scenario("fullwave_rooms", room)
+    assert case.answer[0] == pytest.approx(fullwave.to_points(*fullwave.field(furnished.ROOMS, room)), rel=1e-5)
 
 
 def test_physical_optics_of_a_wide_strip_is_the_mirror_image() -> None:
@@ -114,9 +116,9 @@ def test_physical_optics_of_a_wide_strip_is_the_mirror_image() -> None:
 @pytest.mark.slow
 def test_known_error_of_physical_optics_is_that_of_the_sections() -> None:
     """The stated errors were computed over 11 frames and four frequencies; two frames give the same within a factor of two."""
-    found = {name: sections_2d.error([shapes[0], shapes[-1]]) for name, shapes in sections_2d.cases().items()}
+    errors = {name: sections_2d.error([shapes[0], shapes[-1]]) for name, shapes in sections_2d.cases().items()}
     stated = {"plate": 0.021, "trihedral": 0.144, "trihedral 15 cm": answers.problem("near").known_error}
-    for name, error in found.items():
+    for name, error in errors.items():
         assert stated[name] / 2 < error < 2 * stated[name], name
 
 
@@ -124,7 +126,7 @@ def test_known_error_of_physical_optics_is_that_of_the_sections() -> None:
 def test_scores_of_known_signals(name: str) -> None:
     """The answer itself has no error. Half of it is 6.02 dB low, with a signal error of a half. No signal has a signal error of one."""
     problem = answers.problem(name)
-    signals = {one.name: one.answer for one in problem.scenarios}
+    signals = {case.name: case.answer for case in problem.scenarios}
     exact = leaderboard.score(problem, signals)
     assert (exact.signal, exact.profile_db) == (0, 0)
     half = leaderboard.score(problem, {key: value / 2 for key, value in signals.items()})
@@ -139,5 +141,5 @@ def test_waves_outside_the_gate_do_not_count() -> None:
     """The full-wave answers are valid up to 1.25 m, so an added echo at 2.1 m changes no score by more than its Hann side lobes."""
     problem = answers.problem("furnished_drive")
     echo = np.exp(4j * np.pi * frequencies(problem) / SPEED_OF_LIGHT * 2.1)
-    signals = {one.name: one.answer + echo * np.abs(one.answer).max() for one in problem.scenarios}
+    signals = {case.name: case.answer + echo * np.abs(case.answer).max() for case in problem.scenarios}
     assert leaderboard.score(problem, signals).signal < 0.02

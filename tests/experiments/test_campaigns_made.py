@@ -1,6 +1,4 @@
-"""Tests of the table of the virtual measurement campaign: counts of recordings, simulation times and disk space. The recordings are
-synthetic noise.
-"""
+"""Tests of the table of the virtual measurement campaign, whose recordings are synthetic noise: counts, times and disk space."""
 
 from __future__ import annotations
 
@@ -50,9 +48,7 @@ def simulated(case: Case, nominal: Any, config: Config, *more: Any) -> Recording
 
 
 def record(case: Case, config: Config, measured: bool = True) -> Recording | Turned:
-    """Return a recording of noise after a pause that stands for the simulation time. For the first recording of each motion, the function
-    pauses twice, because this recording includes a set-up.
-    """
+    """Return a recording of noise after a pause for the simulation; the first recording of a motion pauses twice, for its set-up."""
     rng = np.random.default_rng([*case.name.encode(), measured])
     time.sleep(PAUSE_S)
     if case.repetition == 0:
@@ -86,8 +82,8 @@ def first_run(config: Config, store: Store) -> tuple[Sequence[dict[str, Any]], l
 
 
 def cell(rows: Sequence[dict[str, Any]], of: str, motion: str, metric: str) -> dict[str, Any]:
-    (found,) = [row for row in rows if (row["of"], row["motion"]) == (of, motion) and row["metric"].startswith(metric)]
-    return found
+    (row,) = [row for row in rows if (row["of"], row["motion"]) == (of, motion) and row["metric"].startswith(metric)]
+    return row
 
 
 def test_counts_and_disk_space_match_the_recordings(first_run: tuple[list[dict[str, Any]], list[str]], store: Store) -> None:
@@ -100,8 +96,8 @@ def test_counts_and_disk_space_match_the_recordings(first_run: tuple[list[dict[s
     assert (turning["recordings"], turning["frames"], turning["traced"]) == (1, 320, 256)
     assert cell(rows, "simulated", "turntable", "wall")["frames"] == 40  # the simulation of the scanned room makes a single revolution
     every = [cell(rows, of, "all", "disk (MB)") for of in ("measured", "simulated")]
-    assert [one["recordings"] for one in every] == [7, 5]
-    frames, traced, disk = (sum(one[column] for one in every) for column in ("frames", "traced", "value"))
+    assert [row["recordings"] for row in every] == [7, 5]
+    frames, traced, disk = (sum(row[column] for row in every) for column in ("frames", "traced", "value"))
     held = sum(path.stat().st_size for kind in ("clean", "processed") for path in (store.root / kind).rglob("*") if path.is_file())
     assert disk == pytest.approx(held / 1e6, rel=1e-6)
     assert f"12 recordings, 12 of them to be simulated: {frames} frames from {traced} traced poses" in first
@@ -113,8 +109,8 @@ def test_a_second_run_simulates_nothing(
 ) -> None:
     rows, again = first_run[0], table.run(config, store, Progress()).rows
     assert "0 of them to be simulated" in capsys.readouterr().err
-    for one, other in zip(rows, again, strict=True):
-        assert (other["metric"], other["value"]) == (one["metric"], one["value"])  # the table reports the stored times again
+    for row, other in zip(rows, again, strict=True):
+        assert (other["metric"], other["value"]) == (row["metric"], row["value"])  # the table reports the stored times again
 
 
 def test_a_scan_is_added_to_the_first_recording_of_its_room(config: Config, store: Store, first_run: object) -> None:
@@ -150,14 +146,6 @@ def test_targets_are_judged(config: Config, store: Store, first_run: object) -> 
         assert verdicts[table.FRAME.text] == verdict
         assert verdicts[table.DISK.text] == "holds"
         assert verdicts[table.MINUTES.text] == verdict  # verdict for 70,000 room states
-
-
-def test_the_plan_has_cheap_motions_first_and_keeps_tracks_together(config: Config, store: Store) -> None:
-    plan = Campaign(config, store, Progress(quiet=True)).plan()
-    places = [(case.room, "bench" if case.motion in ("turntable", "radial", "diagonal") else case.motion) for _, case in plan]
-    assert [places[k] for k in range(len(places)) if k == 0 or places[k] != places[k - 1]] == list(dict.fromkeys(places))
-    assert places[0] == ("lab", "bench")
-    assert len(plan) == len(set(plan)) == 12
 
 
 def test_a_turntable_recording_is_stored_as_aspects_without_loss(tmp_path: Path) -> None:

@@ -1,8 +1,7 @@
-"""A recording set that was exported from the simulated testbed gives the same bytes and the same table values as the testbed itself."""
+"""A recording set that was exported from the simulated testbed gives the same bytes as the testbed itself, and its own motion and rates."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -19,7 +18,7 @@ from experiments.campaign.export import export
 from experiments.turntable import environment
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
-from radartwin.errors import ConfigError, InputError, UserError
+from radartwin.errors import InputError, UserError
 from radartwin.features.envelope import frames_per_revolution
 from radartwin.io.progress import Progress
 from radartwin.radar.recording import Recording
@@ -84,28 +83,14 @@ def test_both_providers_give_the_same_processed_bytes(folder: Path) -> None:
     cases = testbed.cases("measured")
     assert sorted(recordings.cases("measured")) == sorted(cases)
     for case in cases:
-        one, other = (each.process("measured", case).path for each in (testbed, recordings))
-        assert one != other
-        assert (one / "processed.npz").read_bytes() == (other / "processed.npz").read_bytes(), case.name
+        made, other = (each.process("measured", case).path for each in (testbed, recordings))
+        assert made != other
+        assert (made / "processed.npz").read_bytes() == (other / "processed.npz").read_bytes(), case.name
         first, second = testbed.log(case), recordings.log(case)
         assert first.frame_rate_hz == second.frame_rate_hz
         assert np.allclose(first.distance_m, second.distance_m, atol=1e-9)
         assert np.allclose(first.target_poses, second.target_poses, atol=1e-9)
         assert (first.angle_rad is None) == (second.angle_rad is None)
-
-
-def test_an_experiment_gives_the_same_values_for_both_providers(folder: Path) -> None:
-    testbed, recordings = (environment.score(config, frame_of(config)).rows for config in (configured(folder), recorded(folder)))
-    assert (
-        len(testbed) == len(recordings) == 6
-    )  # correlations and similarities of the simulation without a room (two each), and two energy shares
-    for one, other in zip(testbed, recordings, strict=True):
-        assert (one["domain"], other["domain"]) == ("testbed", "recordings")
-        for column in ("metric", "scale", "verdict", "n"):
-            assert other[column] == one[column]
-        for column in ("value", "low", "high"):
-            assert math.isfinite(one[column])
-            assert other[column] == pytest.approx(one[column], rel=1e-12)
 
 
 def test_an_interrupted_export_continues_with_the_same_result(folder: Path, tmp_path: Path) -> None:
@@ -118,8 +103,8 @@ def test_an_interrupted_export_continues_with_the_same_result(folder: Path, tmp_
     assert [row.recording for row in again] == [row.recording for row in whole]
     for row in whole:
         for suffix in (".bin", ".json"):
-            one, other = (some.path(row).with_name(row.recording + suffix) for some in (again, whole))
-            assert one.read_bytes() == other.read_bytes()
+            again_file, other = (recordings.path(row).with_name(row.recording + suffix) for recordings in (again, whole))
+            assert again_file.read_bytes() == other.read_bytes()
 
 
 def test_recordings_that_the_twin_cannot_simulate_are_left_out_and_counted(
@@ -165,18 +150,9 @@ def test_a_recording_set_is_not_exported_again(folder: Path, tmp_path: Path) -> 
     assert not (tmp_path / "copy").exists()
 
 
-@pytest.mark.parametrize("override", ["scene=atrium", "scene.target=plate", "trajectory=static"])
-def test_settings_that_the_environment_table_ignores_are_refused(folder: Path, override: str) -> None:
-    with pytest.raises(ConfigError, match="not read by experiment=environment"):
-        environment.check(configured(folder, override))
-
-
 @pytest.mark.parametrize("motion", ["depth", "lateral"])
 def test_a_recorded_trajectory_may_be_in_any_world_frame(motion: Motion) -> None:
-    """The simulation moves a lateral drive to the nominal start, and the smallest distance of a depth drive to that of the case.
-
-    The recorded rover slips by 5 cm along its first heading after the tenth frame.
-    """
+    """The drive moves to the nominal start (lateral) or nearest distance (depth). It slips by 5 cm after the tenth frame."""
     case = Case("mug", "squash_court", motion, 1.0)
     nominal = course(case, 10.0, 49)
     elsewhere = np.eye(4)
@@ -210,15 +186,13 @@ def test_a_depth_drive_goes_to_the_smallest_distance_and_back() -> None:
     assert backwards.distance_m == pytest.approx(1.0 + 0.02 * np.arange(25))
 
 
-def remade(folder: Path, tmp_path: Path, rate_hz: float, chosen: Callable[[Row], list[tuple[Row, int]]]) -> Campaign:
-    """Return the campaign of a new recording set, which has chosen recordings of the first set with other frame counts and another frame
-    rate.
-    """
+def remade(folder: Path, tmp_path: Path, rate_hz: float, rows_of: Callable[[Row], list[tuple[Row, int]]]) -> Campaign:
+    """Return the campaign of a set of chosen recordings of the first set, with other frame counts and another frame rate."""
     whole = RecordingSet.load(folder / "set")
     other = RecordingSet.create(tmp_path / "set", whole.card)
     for row in whole:
         recording = whole.read(row)
-        for new, frames in chosen(row):
+        for new, frames in rows_of(row):
             radar = replace(recording.radar, frame_rate_hz=rate_hz)
             iq = np.resize(recording.iq, (frames, *recording.iq.shape[1:]))
             other.add(Recording(iq, radar, recording.sensor_poses[:1] if recording.sensor_poses is not None else None), new)
@@ -234,18 +208,18 @@ def test_the_twin_has_the_recorded_motion_and_frame_rate(folder: Path, tmp_path:
     campaign = remade(folder, tmp_path, 20.0, chosen)
     assert len(campaign.cases("twin")) == 2
     for condition in campaign.cases("twin"):
-        ours, theirs = campaign.log(condition, "twin"), campaign.log(condition)
-        assert ours.frame_rate_hz == theirs.frame_rate_hz == 20.0
+        twin, measured = campaign.log(condition, "twin"), campaign.log(condition)
+        assert twin.frame_rate_hz == measured.frame_rate_hz == 20.0
         turns = condition.motion == "turntable"
-        assert (ours.frames, theirs.frames) == (8 if turns else 10, 10)  # one revolution of the turntable
+        assert (twin.frames, measured.frames) == (8 if turns else 10, 10)  # one revolution of the turntable
         if turns:
-            assert theirs.angle_rad is not None
-            assert np.allclose(np.diff(theirs.angle_rad), 2 * np.pi / 8)
+            assert measured.angle_rad is not None
+            assert np.allclose(np.diff(measured.angle_rad), 2 * np.pi / 8)
         else:
             # speed of the rail in m/s over the frame rate of the recording in Hz
-            assert np.allclose(ours.distance_m, 1.0 + 0.2 / 20 * np.arange(10))
+            assert np.allclose(twin.distance_m, 1.0 + 0.2 / 20 * np.arange(10))
         made = campaign.recording("void", condition)
-        assert (made.num_frames, made.radar.frame_rate_hz) == (ours.frames, 20.0)
+        assert (made.num_frames, made.radar.frame_rate_hz) == (twin.frames, 20.0)
     nominal = campaign_of(configured(folder, "materials=void")).clean("void", campaign.cases("twin")[0])
     assert nominal.key != campaign.clean("void", campaign.cases("twin")[0]).key
 

@@ -1,6 +1,4 @@
-"""The revolutions of one simulated measurement differ by modelled causes, such as motor jitter, and they differ by more than the receiver
-noise.
-"""
+"""The revolutions of one simulated measurement differ by modelled causes, by more than the receiver noise."""
 
 from __future__ import annotations
 
@@ -21,9 +19,7 @@ GATE_M, ROOM_M = (0.87, 1.13), (2.3, 5.5)
 
 
 def changes_db(folder: Path, name: str, *more: str) -> dict[tuple[float, float], float]:
-    """Return, for each range window, the mean power in decibels of the change between two revolutions without receiver noise, relative to
-    the noise power.
-    """
+    """Return, by range window, the mean power in decibels over the noise of the change between two revolutions without noise."""
     config = compose([
         "experiment=campaign", "measured.gap.solver=0", f"profile.campaign.turntable_objects=[{name}]", f"output={folder}",
         "profile.campaign.reflector_distances_m=[1.0]", f"profile.campaign.frames_per_turn={TURN}", *more,
@@ -39,10 +35,7 @@ def changes_db(folder: Path, name: str, *more: str) -> dict[tuple[float, float],
 
 
 def test_revolutions_differ_by_more_than_noise(tmp_path: Path) -> None:
-    """The recording is in the laboratory at 1 m. Speed error, ripple and jitter of the turntable shift the samples of each revolution.
-    Without speed error, ripple and jitter, the slow mechanical drift (creep) of the turntable still causes a difference between
-    revolutions.
-    """
+    """Speed error, ripple and jitter shift the samples of a revolution, and without them the turntable still creeps."""
     reflector = changes_db(tmp_path, "corner_reflector")
     assert reflector[GATE_M] > 20
     assert reflector[ROOM_M] > 10

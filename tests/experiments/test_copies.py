@@ -57,19 +57,19 @@ def test_no_call_simulates_a_target_that_nothing_moves(config: Config) -> None:
 
 def test_the_exchange_takes_the_target_out_of_the_recording(config: Config, campaign: Campaign) -> None:
     """Without the room, a recording has the target on its stand. Without the echo of the nominal target, little is left in its gate."""
-    case = next(one for one in campaign.cases(TWIN, motion=MOTION) if one.object == OBJECTS[1])
+    case = next(case for case in campaign.cases(TWIN, motion=MOTION) if case.object == OBJECTS[1])
     processed = campaign.processed(TWIN, case)[1]
     nominal, *drawn = copies._alone(config, campaign.store, campaign, case, [config.seed, 1])
     assert len(drawn) == VARIANTS
     gate = np.abs(processed.range_m - case.distance_m) < 0.13
-    whole, rest = (float(np.mean(np.abs(some[..., gate]) ** 2)) for some in (processed.channels, processed.channels - nominal))
+    whole, rest = (float(np.mean(np.abs(channels[..., gate]) ** 2)) for channels in (processed.channels, processed.channels - nominal))
     assert rest < 0.1 * whole
     changed = randomise.exchanged(processed, nominal, drawn[0])
     assert changed.channels == pytest.approx(processed.channels - nominal + drawn[0], rel=1e-5, abs=1e-9)
 
 
 def test_an_echo_outside_the_stored_range_bins_is_below_60_db(campaign: Campaign) -> None:
-    case = next(one for one in campaign.cases(TWIN, motion=MOTION) if one.object == OBJECTS[1])
+    case = next(case for case in campaign.cases(TWIN, motion=MOTION) if case.object == OBJECTS[1])
     log, range_m = campaign.log(case, TWIN), campaign.processed(TWIN, case)[1].range_m
     radar = campaign.processed(TWIN, case)[1].radar
     surfaces = catalogue()[case.object].surfaces()

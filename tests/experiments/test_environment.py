@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -10,20 +12,16 @@ import pytest
 from fake_campaign import FakeCampaign, config, draw_all, find
 
 from experiments.campaign import frame
-from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import Case
 from experiments.campaign.columns import AVERAGES
 from experiments.claims import RowList
 from experiments.turntable import environment, operating_points
 from experiments.turntable.operating_points import LEGS_M, Condition, Point
-from radartwin.config.config import Config
-from radartwin.errors import ConfigError
 from radartwin.features.log import Nominal
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result, check_rows
 from radartwin.scene.objects.assortment import every_object
 from radartwin.scene.objects.catalogue import OTHER_LEGS_M, entry
-from radartwin.store.products import Store
 
 COUNT = "operating points with the paper's figures"
 
@@ -45,38 +43,38 @@ def sources(*distances: float) -> dict[str, Marked]:
 quiet = partial(frame.read, progress=Progress(quiet=True))
 
 
-def points_of(chosen: Config) -> list[Point]:
-    profiles = quiet(Marked(distances=(2.0,)), operating_points.wanted(chosen))
-    return operating_points.read(chosen, dict.fromkeys(operating_points.conditions(chosen), profiles))
-
-
-def scored() -> Result:
-    chosen = config("environment")
-    frame = environment.read(chosen, sources(0.5, 1.0, 1.5, 2.0), quiet)
-    return environment.with_points(chosen, environment.score(chosen, frame), points_of(chosen))
+@pytest.fixture(scope="module")
+def points() -> list[Point]:
+    settings = config("environment")
+    profiles = quiet(Marked(distances=(2.0,)), operating_points.wanted(settings))
+    return operating_points.read(settings, dict.fromkeys(operating_points.conditions(settings), profiles))
 
 
 @pytest.fixture(scope="module")
-def table() -> Result:
-    return scored()
+def bare() -> Result:
+    """Return the table without operating points."""
+    settings = config("environment")
+    return environment.score(settings, environment.read(settings, sources(0.5, 1.0, 1.5, 2.0), quiet))
+
+
+@pytest.fixture(scope="module")
+def table(bare: Result, points: list[Point]) -> Result:
+    return environment.with_points(config("environment"), replace(bare, rows=deepcopy(bare.rows)), points)
 
 
 def test_the_labelled_room_is_the_default_and_plasterboard_is_a_second_set_of_rows(table: Result) -> None:
     check_rows("environment", table.rows)
     for distance in (0.5, 1.0, 1.5, 2.0):
         for scale in ("amplitude", "db"):
+            at = {"distance_m": distance, "scale": scale}
             labelled, uniform, void = (
-                find(table, metric="profile correlation", distance_m=distance, scale=scale, case=case)["value"]
-                for case in ("room (vlm)", "room (uniform)", "void")
+                find(table, metric="profile correlation", case=case, **at)["value"] for case in ("room (vlm)", "room (uniform)", "void")
             )
             assert labelled > max(uniform, void)  # the synthetic room of plasterboard has its echoes in reverse order
-            gain = find(table, metric="gain in correlation", distance_m=distance, scale=scale, case="room (vlm) - void")
-            assert gain["value"] == pytest.approx(labelled - void)
-            assert not gain["claim"]
-            assert (
-                find(table, metric=environment.GAIN, distance_m=distance, scale=scale, case="room (vlm) - void")["verdict"] == "supported"
-            )
-            assert not find(table, metric=environment.GAIN, distance_m=distance, scale=scale, case="room (uniform) - void")["claim"]
+            gain = find(table, metric="gain in correlation", case="room (vlm) - void", **at)
+            assert (gain["value"], gain["claim"]) == (pytest.approx(labelled - void), "")
+            assert find(table, metric=environment.GAIN, case="room (vlm) - void", **at)["verdict"] == "supported"
+            assert not find(table, metric=environment.GAIN, case="room (uniform) - void", **at)["claim"]
         alike = {case: [find(table, metric=metric, distance_m=distance, case=case)["value"] for metric in
                         ("similarity of range-azimuth maps (MS-SSIM)", "complex similarity")]
                  for case in ("room (vlm)", "room (uniform)", "void")}  # fmt: skip
@@ -92,30 +90,32 @@ def test_the_labelled_room_is_the_default_and_plasterboard_is_a_second_set_of_ro
 
 def test_materials_void_and_uniform_leave_out_the_rows_that_they_repeat() -> None:
     for source, labels in (("void", {"void"}), ("uniform", {"void", "room (uniform)"})):
-        chosen = config("environment", f"materials={source}", "experiment.distances_m=[1.0]")
-        result = environment.score(chosen, environment.read(chosen, sources(1.0), quiet))
+        settings = config("environment", f"materials={source}", "experiment.distances_m=[1.0]")
+        result = environment.score(settings, environment.read(settings, sources(1.0), quiet))
         assert {row["case"] for row in result.rows if row["metric"] == "profile correlation"} == labels
         assert not [row for row in result.rows if row["metric"] == COUNT]
 
 
-def test_the_ratio_of_target_to_room_follows_the_leg(table: Result) -> None:
+def test_the_ratio_of_target_to_room_follows_the_leg(table: Result, points: list[Point]) -> None:
     """The echo of the reflector grows with the fourth power of its leg, and the synthetic room has the same echo at every leg."""
-    chosen = config("environment")
-    points = [one for one in points_of(chosen) if not one.condition.unscanned]
     for average in AVERAGES:
-        some = [one for one in points if (one.average, one.window, one.scale) == (average, "all ranges", "db")]
-        assert [one.leg_m for one in some] == list(LEGS_M["quick"])
-        assert np.diff([one.ratio_db for one in some]) == pytest.approx(40 * np.diff(np.log10(LEGS_M["quick"])), abs=1.5)
-        assert (np.diff([one.values["share"].mean() for one in some]) < 0).all()
+        at_legs = [
+            point
+            for point in points
+            if not point.condition.unscanned and (point.average, point.window, point.scale) == (average, "all ranges", "db")
+        ]
+        assert [point.leg_m for point in at_legs] == list(LEGS_M["quick"])
+        assert np.diff([point.ratio_db for point in at_legs]) == pytest.approx(40 * np.diff(np.log10(LEGS_M["quick"])), abs=1.5)
+        assert (np.diff([point.values["share"].mean() for point in at_legs]) < 0).all()
     assert find(table, metric=COUNT)["items"] == 2 * 4 * 4 * 2 * 2  # unscanned echoes, legs, averages, windows, scales
-    shown = [row for row in table.rows if row["metric"] == "profile correlation" and "unscanned echoes" in row["case"]]
-    assert len(shown) == 2 * operating_points.SHOWN  # without and with the room
+    rows = [row for row in table.rows if row["metric"] == "profile correlation" and "unscanned echoes" in row["case"]]
+    assert len(rows) == 2 * operating_points.SHOWN  # without and with the room
 
 
 def test_averages_of_a_flashing_echo_are_those_of_its_levels() -> None:
     power = np.array([[1.0], [1.0], [1e-4]])
-    found = {name: float(average(power)[0]) for name, average in AVERAGES.items()}
-    assert found == pytest.approx({"mean": 2.0001 / 3, "amplitude": (2.01 / 3) ** 2, "db": 10 ** (-4 / 3), "median": 1.0})
+    averages = {name: float(average(power)[0]) for name, average in AVERAGES.items()}
+    assert averages == pytest.approx({"mean": 2.0001 / 3, "amplitude": (2.01 / 3) ** 2, "db": 10 ** (-4 / 3), "median": 1.0})
 
 
 def test_a_window_leaves_out_the_bins_far_from_the_target() -> None:
@@ -132,22 +132,6 @@ def test_a_window_leaves_out_the_bins_far_from_the_target() -> None:
     assert points["all ranges"] < 0.9
 
 
-def test_the_paper_profile_compares_legs_lobes_and_unscanned_echoes(tmp_path) -> None:
-    paper = config("environment", "profile=paper")
-    assert LEGS_M["paper"] == pytest.approx(np.arange(5, 13) / 100)
-    chosen = operating_points.conditions(paper)
-    assert len(chosen) == 2 * 5
-    assert {one.of(paper).measured.gap.antenna for one in chosen if not one.lobes} == {0}
-    assert {one.of(paper).measured.gap.unscanned_echoes for one in chosen} == {0, 1, 2, 3, 5}
-    store = Store(tmp_path)
-    tasks = environment.recordings(paper, store, Progress(quiet=True)).values()
-    bare = [task for task in tasks if task.config.measured.gap.antenna == 0]
-    assert len(bare) == 80  # neither the simulations nor a condition of the receiver need a recording
-    quick = environment.recordings(config("environment"), store, Progress(quiet=True)).values()
-    planned = set(Campaign(config("environment"), store, Progress(quiet=True)).cases("measured"))
-    assert sum(task.domain == "measured" and task.case not in planned for task in quick) == 9
-
-
 def point(share: float, void: float, room: float, leg_m: float = 0.05) -> Point:
     values = {"share": np.full(2, share), "void": np.full(2, void), "room": np.full(2, room)}
     return Point(leg_m, Condition(True, 2.0), "mean", "all ranges", "amplitude", -4.0, values, ["a" * 32, "b" * 32])
@@ -158,7 +142,7 @@ def test_a_point_is_accepted_if_all_three_figures_are_inside_their_limits() -> N
     assert exact.departure == pytest.approx(0.0)
     assert near.accepted
     assert not any(
-        one.accepted for one in (point(0.6, -0.24, 0.42), point(0.9, -0.24, 0.42), point(0.75, 0.2, 0.42), point(0.75, -0.24, 0.8))
+        outside.accepted for outside in (point(0.6, -0.24, 0.42), point(0.9, -0.24, 0.42), point(0.75, 0.2, 0.42), point(0.75, -0.24, 0.8))
     )
     assert operating_points.best([near, exact, point(0.9, 0.5, 0.9)]) is exact
     assert operating_points.best([point(0.9, 0.5, 0.9)]) is None
@@ -176,10 +160,9 @@ def test_no_accepted_point_contradicts_the_claim(figures: tuple[float, float, fl
     assert row["case"].startswith(f"{text}: leg 5 cm, with lobes, unscanned echoes 2, mean of frames, all ranges, amplitude")
 
 
-def test_the_operating_point_is_a_second_column(monkeypatch) -> None:
-    best = point(0.75, -0.24, 0.42)
-    monkeypatch.setattr(operating_points, "best", lambda points: best)
-    result = scored()
+def test_the_operating_point_is_a_second_column(bare: Result, points: list[Point], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(operating_points, "best", lambda points: point(0.75, -0.24, 0.42))
+    result = environment.with_points(config("environment"), replace(bare, rows=deepcopy(bare.rows)), points)
     filled = {(row["metric"], row["case"]): row for row in result.rows if row.get("at_operating_point") is not None}
     expected = {"measured (testbed)": 0.75, "void": -0.24, "room (vlm)": 0.42}
     assert {case: row["at_operating_point"] for (_, case), row in filled.items()} == pytest.approx(expected)
@@ -187,19 +170,11 @@ def test_the_operating_point_is_a_second_column(monkeypatch) -> None:
     assert all(row["value"] != row["at_operating_point"] for row in filled.values())
 
 
-def test_recorded_measurements_have_no_operating_points() -> None:
-    elsewhere = config("environment", "experiment.distances_m=[1.0]")
-    assert operating_points.conditions(elsewhere) == ()
-    assert {one.lobes for one in operating_points.conditions(config("environment", "measured.gap.antenna=0", "profile=paper"))} == {False}
-    with pytest.raises(ConfigError, match="not read by experiment=environment"):
-        environment.check(config("environment", "scene=atrium"))
-
-
 def test_reflectors_of_other_sizes_scale_with_their_leg() -> None:
     known, usual = every_object(), entry("corner_reflector")
     for leg in OTHER_LEGS_M:
-        one = known[f"corner_reflector_{100 * leg:g}cm"]
-        assert np.array(one.size_m) == pytest.approx(np.array(usual.size_m) * leg / 0.1, abs=2e-4)
-        assert one.aim_m == pytest.approx(usual.aim_m * leg / 0.1)
-        (mesh, usual_mesh) = (of.surfaces()[0].mesh for of in (one, usual))
+        reflector = known[f"corner_reflector_{100 * leg:g}cm"]
+        assert np.array(reflector.size_m) == pytest.approx(np.array(usual.size_m) * leg / 0.1, abs=2e-4)
+        assert reflector.aim_m == pytest.approx(usual.aim_m * leg / 0.1)
+        (mesh, usual_mesh) = (of.surfaces()[0].mesh for of in (reflector, usual))
         assert mesh.vertices == pytest.approx(usual_mesh.vertices * leg / 0.1)

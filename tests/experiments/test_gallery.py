@@ -1,6 +1,4 @@
-"""Tests of the gallery figures: the choice of pairs of recordings, and range-Doppler maps of measurement and simulation on one colour scale
-with the logged target.
-"""
+"""Tests of the gallery: its pairs of recordings, and range-Doppler maps on one colour scale with the logged target."""
 
 from __future__ import annotations
 

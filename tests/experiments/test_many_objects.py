@@ -32,9 +32,11 @@ def scored(folder: Path, **changed) -> Result:
     def source(gap: float) -> FakeCampaign:
         return FakeCampaign(**({"objects": OBJECTS, "frames": 24, "repetitions": 2, "turns": 2, "gap": gap} | changed))
 
-    sides, own = {PRETRAINED: source(0.1), RIVAL: source(0.5)}, small()
+    sides, settings = {PRETRAINED: source(0.1), RIVAL: source(0.5)}, small()
     frame, store = sides_of(sides), Store(folder / "cache")
-    return many_objects.score(own, frame, {name: scaled(copies(store, sides, own, some)) for name, some in by_side(frame).items()})
+    return many_objects.score(
+        settings, frame, {name: scaled(copies(store, sides, settings, rows)) for name, rows in by_side(frame).items()}
+    )
 
 
 @pytest.fixture(scope="module")
@@ -73,16 +75,16 @@ def test_labels_are_saved_where_the_encoder_is_better_without_labels_than_raw_fe
 
 
 def test_every_object_has_the_model_of_another_object_of_its_kind() -> None:
-    kinds = {entry.name: kind for kind, some in assortment().items() for entry in some}
+    kinds = {entry.name: kind for kind, entries in assortment().items() for entry in entries}
     other = many_objects.another_of_its_kind(list(kinds))
     assert sorted(other.values()) == sorted(kinds)
     assert all(kinds[name] == kinds[model] and name != model for name, model in other.items())
 
 
 def test_the_set_turns_without_room_and_needs_the_testbed(tmp_path: Path) -> None:
-    own = many_objects.of_assortment(config("many_objects", "profile=paper"))
-    assert len(own.profile.campaign.turntable_objects) >= 48
-    assert (own.profile.campaign.turntable_room, own.measured.gap.person, own.measured.gap.clutter) == ("void", 0.0, 0.0)
-    own.measured.provider = "recordings"
+    settings = many_objects.of_assortment(config("many_objects", "profile=paper"))
+    assert len(settings.profile.campaign.turntable_objects) >= 48
+    assert (settings.profile.campaign.turntable_room, settings.measured.gap.person, settings.measured.gap.clutter) == ("void", 0.0, 0.0)
+    settings.measured.provider = "recordings"
     with pytest.raises(ConfigError, match="use measured=testbed"):
-        many_objects.of_assortment(own)
+        many_objects.of_assortment(settings)

@@ -1,6 +1,4 @@
-"""The comparison table of the paper is transcribed correctly, its quotations exist in the cited texts, and the table's row about RadarTwin
-shows the results of the checks.
-"""
+"""The paper's comparison table is transcribed with its quotations, and the row about RadarTwin shows the results of the checks."""
 
 from __future__ import annotations
 
@@ -51,15 +49,13 @@ def test_quotations_occur_in_the_paper() -> None:
 
 @pytest.mark.parametrize("axis", AXES)
 def test_our_capabilities_agree_with_the_papers_table(axis: str) -> None:
-    found, right = capabilities.CHECKS[OURS][axis]()
-    assert right, found
-    assert found.startswith(CELLS[OURS][AXES.index(axis)])
+    capability, right = capabilities.CHECKS[OURS][axis]()
+    assert right, capability
+    assert capability.startswith(CELLS[OURS][AXES.index(axis)])
 
 
 def test_rfgenesis_has_one_bounce_and_one_material() -> None:
-    """The RF-Genesis paper claims multipath propagation, but the program that the authors of RF-Genesis released traces only one bounce
-    and one material.
-    """
+    """The paper of RF-Genesis claims multipath propagation, but the released program traces one bounce and one material."""
     line = positioning.row("RF-Genesis")
     assert (line["verdict"], line["value"], line["n"]) == ("misses", 0.5, 2)
     assert "multipath: no (1-bounce), not yes" in line["checked here"]

@@ -19,20 +19,20 @@ CONFIG = compose(["experiment=reality"])
 
 def rows(measurement: reality.Measurement) -> list[dict]:
     compare = dict(reality.COMPARISONS)[measurement]
-    found = reality.rows_of(measurement, compare, CONFIG)
-    check_rows("reality", found)
-    return found
+    table = reality.rows_of(measurement, compare, CONFIG)
+    check_rows("reality", table)
+    return table
 
 
 def test_simulated_dihedrals_match_the_measured_levels_like_physical_optics() -> None:
-    found = {(row["method"], row["metric"].partition(":")[0]): row for row in rows(reality.DIHEDRALS)}
+    by_method = {(row["method"], row["metric"].partition(":")[0]): row for row in rows(reality.DIHEDRALS)}
     for method in ("simulator", "physical optics"):
         for size in ("5 cm", "10 cm"):
-            assert found[method, size]["value"] < 1.1, "the source gives 0.6 to 1.1 dB for physical optics"
-        assert found[method, "both sizes, one offset"]["value"] == pytest.approx(2.1, abs=0.2)
-        assert found[method, "both sizes, one offset"]["n"] == 68
-    assert found["far field", "10 cm"]["value"] > 3.4, "the levels tell the near field from the far field"
-    assert found["far field", "10 cm"]["verdict"] == ""
+            assert by_method[method, size]["value"] < 1.1, "the source gives 0.6 to 1.1 dB for physical optics"
+        assert by_method[method, "both sizes, one offset"]["value"] == pytest.approx(2.1, abs=0.2)
+        assert by_method[method, "both sizes, one offset"]["n"] == 68
+    assert by_method["far field", "10 cm"]["value"] > 3.4, "the levels tell the near field from the far field"
+    assert by_method["far field", "10 cm"]["verdict"] == ""
 
 
 def test_shipped_levels_are_those_of_the_reference() -> None:
@@ -49,11 +49,11 @@ def test_captures_agree_with_their_descriptions(shared_data: Path) -> None:
 
 @pytest.mark.slow
 def test_reconstructed_chair_is_near_the_mesh_of_the_vendor(shared_data: Path) -> None:
-    found = {row["metric"]: row for row in rows(reality.SCAN)}
-    assert found["Chamfer distance, mean of both directions (mm)"]["value"] < 30
-    assert found["scale error (1)"]["verdict"] == "holds"
-    assert found["ours to vendor's: median (mm)"]["verdict"] == "holds"
-    assert {row["n"] for row in found.values()} == {24}
+    by_metric = {row["metric"]: row for row in rows(reality.SCAN)}
+    assert by_metric["Chamfer distance, mean of both directions (mm)"]["value"] < 30
+    assert by_metric["scale error (1)"]["verdict"] == "holds"
+    assert by_metric["ours to vendor's: median (mm)"]["verdict"] == "holds"
+    assert {row["n"] for row in by_metric.values()} == {24}
 
 
 def test_absent_data_give_one_row_without_a_verdict_and_another_key(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

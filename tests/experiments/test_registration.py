@@ -34,9 +34,9 @@ def drawn(frame: Frame) -> Frame:
 def table(path: Path, **changed: str) -> Path:
     """Write a headline table that states the registered claims, with other cells in its first row."""
     rows = [
-        {**{name: "" if one[name] is None else str(one[name]) for name in (registration.TEXT, *registration.FIXED)},
+        {**{name: "" if claim[name] is None else str(claim[name]) for name in (registration.TEXT, *registration.FIXED)},
          "evidence": "draws 100 to 109, registered", "verdict": "undecided"}
-        for one in REGISTERED.values()
+        for claim in REGISTERED.values()
     ]  # fmt: skip
     rows[0] |= changed
     with path.open("w", newline="") as stream:
@@ -105,18 +105,15 @@ def test_other_draws_than_the_registered_ones_are_exploratory() -> None:
 
 def test_the_tables_state_the_claims_as_they_are_registered() -> None:
     """Tables of two draws have the registered bounds and tests."""
-    few: dict[str, Any] = {
-        "repetitions": 2,
-        "frames": 24,
-        "objects": ("can_211_300", "can_211_400", "corner_reflector", "mug", "mustard", "olive_oil"),
-    }
+    objects = ("can_211_300", "can_211_400", "corner_reflector", "mug", "mustard", "olive_oil")
+    few: dict[str, Any] = {"repetitions": 2, "frames": 24, "objects": objects}
     turntable, drives = FakeCampaign(**few), FakeCampaign(("depth",), ("squash_court",), **few)
     declared = ((turntable_shape, turntable), (turntable_material, turntable), (rover_fidelity, drives))
     compared = 0
     for module, source in declared:
         rows = cells.table_rows(config(module.TABLE.name), drawn(frame_of(source, *module.MOTIONS[:1])), module.cells)
-        for one in (one for one in headline.HEADLINES if one.table == module.TABLE.name):
-            _same_rule(headline._row(rows, one), REGISTERED[one.text])
+        for claim in (claim for claim in headline.HEADLINES if claim.table == module.TABLE.name):
+            _same_rule(headline._row(rows, claim), REGISTERED[claim.text])
             compared += 1
     assert compared == 6
 
@@ -129,13 +126,13 @@ def test_recognition_states_the_claims_as_they_are_registered() -> None:
         for draw in range(2):
             rng = np.random.default_rng(draw)
             samples = Samples(("x",), np.zeros((4, 1)), objects, objects, np.full(4, "measured"), objects, labels, objects)
-            own, hits = config("turntable_label_free"), rng.random((3, 4)) > 0.5
-            scored = Scored(own, samples, pd.DataFrame({"key": ["k"]}), 0.5 if answered else 0.25)
+            settings, hits = config("turntable_label_free"), rng.random((3, 4)) > 0.5
+            scored = Scored(settings, samples, pd.DataFrame({"key": ["k"]}), 0.5 if answered else 0.25)
             if answered:
-                found = [scored.accuracy({}, hits, answers=[rng.permutation(labels) for _ in range(3)])]
+                estimates = [scored.accuracy({}, hits, answers=[rng.permutation(labels) for _ in range(3)])]
             else:
-                found = [scored.accuracy({}, hits), scored.gain({}, hits, rng.random((3, 4)) > 0.5, Claim("it helps"))]
-            made.append([cell.row(own) for cell in found])
+                estimates = [scored.accuracy({}, hits), scored.gain({}, hits, rng.random((3, 4)) > 0.5, Claim("it helps"))]
+            made.append([cell.row(settings) for cell in estimates])
         return cells.joined_rows(made)
 
     share, gain = joined(objects, answered=False)

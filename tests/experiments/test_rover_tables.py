@@ -14,7 +14,6 @@ from scipy.stats import rankdata
 from experiments import statistics
 from experiments.campaign.cases import COMPARED, ROVER
 from experiments.rover import point_clouds, rover_disentangle, rover_fidelity
-from radartwin.errors import ConfigError
 from radartwin.runs.experiment import Result
 from radartwin.scene.objects.catalogue import catalogue
 
@@ -42,6 +41,7 @@ def test_a_nearly_exact_twin_orders_objects_alike(fidelity: Result) -> None:
         assert row["n"] == 6 * 3 * 2  # number of objects times distances times two domains (measured, simulated)
     lateral = find(fidelity, metric=metric, room="atrium", motion="lateral")
     assert lateral["verdict"] == ""  # the paper's claim is about depth drives
+    assert draw_all(fidelity) == {"rover_panels", "rover_feature_correlations"}
 
 
 def test_profiles_correlate_and_signs_agree_by_material(fidelity: Result) -> None:
@@ -59,43 +59,38 @@ def test_profiles_correlate_and_signs_agree_by_material(fidelity: Result) -> Non
     assert ratio["verdict"] == "not testable here"
 
 
-def test_enough_objects_decide_whether_the_contrast_has_one_sign() -> None:
-    source = campaign(gap=0.05, rooms=("atrium",), objects=())
-    row = find(rover_fidelity.score(config("rover_fidelity"), frame_of(source, *ROVER)), metric="share of places with one sign")
-    assert row["p"] == pytest.approx(1 / 210)  # six metals and four plastics
-    assert row["verdict"] == "supported"
-
-
 def test_the_share_that_orders_objects_alike_is_tested_by_permuting_the_objects() -> None:
     """The second place lacks an object. There, the others have the order that they have in the permutation of all five objects."""
     rng = np.random.default_rng(3)
     names = list(catalogue())[:5]
     places = {("atrium", "depth", 1.0): names, ("atrium", "depth", 2.0): [*names[:2], *names[3:]]}
-    values = {domain: {(name, place): rng.standard_normal(7) for place, some in places.items() for name in some} for domain in COMPARED}
+    values = {
+        domain: {(name, place): rng.standard_normal(7) for place, objects in places.items() for name in objects} for domain in COMPARED
+    }
 
     frame = pd.DataFrame([
         {"domain": domain, "object": name, "room": place[0], "motion": place[1], "distance_m": place[2]}
-        | {f"f{i}": one for i, one in enumerate(found)}
-        for domain, known in values.items() for (name, place), found in known.items()
+        | {f"f{i}": feature for i, feature in enumerate(estimate)}
+        for domain, known in values.items() for (name, place), estimate in known.items()
     ])  # fmt: skip
 
     def share(order: Sequence[str]) -> float:
         alike = []
-        for place, some in places.items():
-            assigned = [name for name in order if name in some]
-            measured = np.array([values["measured"][name, place] for name in sorted(some)])
+        for place, objects in places.items():
+            assigned = [name for name in order if name in objects]
+            measured = np.array([values["measured"][name, place] for name in sorted(objects)])
             simulated = np.array([values["twin"][name, place] for name in assigned])
             alike += [np.corrcoef(rankdata(measured[:, f]), rankdata(simulated[:, f]))[0, 1] > 1e-9 for f in range(7)]
         return float(np.mean(alike))
 
-    found = rover_fidelity.share_alike(frame, 50, 0)
+    estimate = rover_fidelity.share_alike(frame, 50, 0)
     shares = np.array([share(order) for order in permutations(sorted(names))])
-    assert found.value == pytest.approx(shares[0])
+    assert estimate.value == pytest.approx(shares[0])
     at_least, at_most = np.mean(shares >= shares[0] - 1e-9), np.mean(shares <= shares[0] + 1e-9)
-    assert found.shuffled is not None
-    assert sorted(found.shuffled) == pytest.approx(sorted(shares))
+    assert estimate.shuffled is not None
+    assert sorted(estimate.shuffled) == pytest.approx(sorted(shares))
     if (p := 2 * min(at_least, at_most)) < 0.5:
-        assert found.p(float(shares.mean())) == pytest.approx(p)
+        assert estimate.p(float(shares.mean())) == pytest.approx(p)
 
 
 METAL = np.arange(10) < 6
@@ -106,7 +101,7 @@ def test_objects_of_random_levels_have_one_sign_no_more_often_than_the_level_of_
     rng = np.random.default_rng(0)
     trials = [np.repeat(rng.standard_normal((2, 10, 1)), 9, axis=2) for _ in range(400)]
     contrasts = [levels[:, METAL].mean(axis=1) - levels[:, ~METAL].mean(axis=1) for levels in trials]
-    assert np.mean([(np.sign(one[0]) == np.sign(one[1])).all() for one in contrasts]) > 0.4
+    assert np.mean([(np.sign(contrast[0]) == np.sign(contrast[1])).all() for contrast in contrasts]) > 0.4
     assert np.mean([rover_fidelity.contrast_test(levels, METAL) < 0.05 for levels in trials]) < 0.05
     measured_alone = [levels + 10 * METAL[:, None] * np.array([1, 0])[:, None, None] for levels in trials]
     assert np.mean([rover_fidelity.contrast_test(levels, METAL) < 0.05 for levels in measured_alone]) < 0.05
@@ -117,19 +112,7 @@ def test_the_test_of_contrasts_needs_one_sign_and_allows_missing_objects() -> No
     levels[:, [0, 9], 1] = np.nan
     assert rover_fidelity.contrast_test(levels, METAL) == 1 / 210
     assert rover_fidelity.contrast_test(levels * np.array([1, -1])[:, None, None], METAL) == 1
-    halves = np.arange(6) < 3
-    assert rover_fidelity.contrast_test(levels[:, 3:9], halves) == 2 / 20
-
-
-def test_the_figures_are_drawn(fidelity: Result) -> None:
-    assert draw_all(fidelity) == {"rover_panels", "rover_feature_correlations"}
-
-
-def test_equal_objects_are_ordered_by_chance() -> None:
-    source = campaign(signature=0.0, gap=0.3, motions=("depth",), rooms=("atrium",))
-    result = rover_fidelity.score(config("rover_fidelity"), frame_of(source, *ROVER))
-    row = find(result, metric="share of features that order objects alike", room="atrium", motion="depth")
-    assert row["verdict"] == "undecided"
+    assert rover_fidelity.contrast_test(levels[:, 3:9], np.arange(6) < 3) == 2 / 20
 
 
 def test_a_start_offset_is_removed_before_tracks_are_compared() -> None:
@@ -166,8 +149,8 @@ def test_a_feature_of_distance_alone_correlates_pooled_but_not_matched() -> None
     made = cells(lambda name, room, distance, rng: (10 * distance + rng.normal(), 10 * distance + rng.normal()))
     assert rover_disentangle.pooled(made) == pytest.approx(0.9, abs=0.1)
     assert np.abs(rover_disentangle.matched(made)).max() < 0.5
-    found = rover_disentangle.bootstrap(made, rover_disentangle.inflation, 100, 0)
-    assert found.low > 0
+    inflation = rover_disentangle.bootstrap(made, rover_disentangle.inflation, 100, 0)
+    assert inflation.low > 0
 
 
 def test_the_interval_over_four_objects_contains_the_true_share() -> None:
@@ -181,11 +164,11 @@ def test_the_interval_over_four_objects_contains_the_true_share() -> None:
             made |= {(name, room, 1.0): float(room == ROOMS[1]) * np.stack([np.ones(100), alike]) for room in ROOMS}
         return made
 
-    def share(some: rover_disentangle.Levels) -> float:
-        return float(rover_disentangle.room_signs(some).mean())
+    def share(levels: rover_disentangle.Levels) -> float:
+        return float(rover_disentangle.room_signs(levels).mean())
 
-    found = [rover_disentangle.bootstrap(drawn(), share, 60, seed, statistics.SHARE) for seed in range(100)]
-    assert sum(one.low <= 0.5 <= one.high for one in found) >= 85  # 74 without widening
+    estimates = [rover_disentangle.bootstrap(drawn(), share, 60, seed, statistics.SHARE) for seed in range(100)]
+    assert sum(estimate.low <= 0.5 <= estimate.high for estimate in estimates) >= 85  # 74 without widening
 
 
 @pytest.mark.parametrize("factor", ["object", "distance", "room"])
@@ -202,26 +185,11 @@ def test_the_disagreement_is_attributed_to_its_cause(factor: str) -> None:
     assert sum(share * (levels[name] - 1) for name, share in shares.items()) == pytest.approx(1)
 
 
-def test_noise_is_attributed_to_no_factor() -> None:
-    """A factor with many levels explains more variance of pure noise than a factor with two levels, so the shares are normalised per degree
-    of freedom.
-    """
-    rng = np.random.default_rng(1)
-    made = {(f"{k}", room, d): rng.standard_normal((2, 400)) for k in range(11) for room in ROOMS for d in (0.5, 1.0, 2.0)}
-    shares = rover_disentangle.effects(made)
-    assert max(shares.values()) < 1.3 * min(shares.values())
-
-
 def test_changes_in_the_same_direction_between_rooms_are_counted() -> None:
     signs = rover_disentangle.room_signs(
         cells(lambda name, room, d, rng: ((room == "atrium") * 1.0, (room == "atrium") * (3.0 if d > 1 else -3.0)))
     )
     assert signs.mean() == pytest.approx(1 / 3)
-
-
-def test_a_campaign_without_drives_is_refused() -> None:
-    with pytest.raises(ConfigError, match="no depth or lateral recordings"):
-        rover_fidelity.score(config("rover_fidelity"), frame_of(campaign(motions=("turntable",)), *ROVER))
 
 
 def test_clouds_of_equal_recordings_agree_and_those_of_a_shifted_control_do_not() -> None:
@@ -237,13 +205,9 @@ def test_clouds_of_equal_recordings_agree_and_those_of_a_shifted_control_do_not(
 
 
 def test_a_frame_without_detections_has_no_distance_and_no_share() -> None:
-    none, one = np.zeros((0, 2)), np.array([[1.0, 0.0]])
-    found = point_clouds.compared([one, none], [one, one])
-    assert (found[point_clouds.FOUND], found[point_clouds.EXTRA], found[point_clouds.CHAMFER]) == (1.0, 0.5, 0.0)
-
-
-def test_clouds_without_detections_have_no_distance() -> None:
-    point, none = np.array([[1.0, 0.0]]), np.empty((0, 2))
-    found = point_clouds.compared([point], [none])
-    assert found[point_clouds.FOUND] == 0
-    assert np.isnan([found[point_clouds.CHAMFER], found[point_clouds.EXTRA]]).all()
+    none, point = np.zeros((0, 2)), np.array([[1.0, 0.0]])
+    partly = point_clouds.compared([point, none], [point, point])
+    assert (partly[point_clouds.FOUND], partly[point_clouds.EXTRA], partly[point_clouds.CHAMFER]) == (1.0, 0.5, 0.0)
+    nothing = point_clouds.compared([point], [none])
+    assert nothing[point_clouds.FOUND] == 0
+    assert np.isnan([nothing[point_clouds.CHAMFER], nothing[point_clouds.EXTRA]]).all()

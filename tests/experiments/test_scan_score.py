@@ -1,6 +1,4 @@
-"""Check the scores of room reconstructions that the tests construct: surfaces of the room are absent, merged, cut, hidden behind a wall or
-never seen.
-"""
+"""Scores of constructed reconstructions: surfaces are absent, merged, cut, hidden behind a wall or never seen."""
 
 import numpy as np
 import pytest
@@ -53,15 +51,17 @@ def test_true_surfaces_score_one():
     assert min(mean(score, "precision"), mean(score, "recall"), mean(score, "iou"), score.clear[0].through) > 0.98
     assert score.boundary_p95_m < 1e-6
     assert score.surfaces[0].name in ("ceiling", "floor"), "largest first"
+    (walled_up,) = score_scene(room(window=False), room(window=True)).clear
+    assert (walled_up.segment, walled_up.through) == ("-", 0)
 
 
 def test_missing_surfaces_count_with_recall_zero():
     """The reconstruction contains only the floor, which is one of the six surfaces of the room."""
     score = score_scene(Scene([room().surfaces[0]]), room())
-    found = by_name(score)
-    assert found["floor"].recall > 0.98
-    assert {name for name, s in found.items() if s.segment == "-"} == {"ceiling", "back", "front", "right", "left"}
-    assert found["floor"].precision > 0.98
+    scores = by_name(score)
+    assert scores["floor"].recall > 0.98
+    assert {name for name, s in scores.items() if s.segment == "-"} == {"ceiling", "back", "front", "right", "left"}
+    assert scores["floor"].precision > 0.98
     assert mean(score_scene(Scene([]), room()), "recall") == 0.0
 
 
@@ -69,10 +69,10 @@ def test_poster_merged_into_its_wall_is_missed_and_flush():
     poster = named("poster", rectangle([0.005, 1.0, 1.0], Y, Z, (0.8, 1.0)), "paper")
     shelf = named("shelf", rectangle([0.4, 3.0, 1.0], X, Y, (0.8, 0.6)), "wood")
     score = score_scene(room(), Scene([*room(), poster, shelf]))
-    found = by_name(score)
-    assert (found["poster"].segment, found["poster"].recall) == ("-", 0.0)
-    assert found["poster"].flush > 0.98
-    assert (found["shelf"].recall, found["shelf"].flush) == (0.0, 0.0)
+    scores = by_name(score)
+    assert (scores["poster"].segment, scores["poster"].recall) == ("-", 0.0)
+    assert scores["poster"].flush > 0.98
+    assert (scores["shelf"].recall, scores["shelf"].flush) == (0.0, 0.0)
     assert mean(score, "recall") == pytest.approx(6 / 8, abs=0.02)
     assert score.missed_flush == pytest.approx(0.8 / (0.8 + 0.48), abs=0.05)
 
@@ -103,15 +103,8 @@ def test_unseen_area_does_not_count_except_for_glass():
     assert by_name(half)["floor"].iou > 0.98, "what is completed on the surface is not held against it"
 
 
-def test_walled_up_window_is_not_found():
-    score = score_scene(room(window=False), room(window=True))
-    assert (score.clear[0].segment, score.clear[0].through) == ("-", 0)
-
-
 def test_pixels_see_the_front_of_a_thin_plate_only():
-    """The scene has a plate of 20 mm and a surface behind it. A tolerance as large as the depth noise would count the hidden surface as
-    seen.
-    """
+    """A tolerance as large as the depth noise would count the surface behind the plate of 20 mm as seen."""
     plate = objects.box([2.2, 1.8, 0.9], [2.8, 2.2, 0.92])
     hidden = rectangle([2.3, 1.9, 0.895], X, Y, (0.4, 0.2))
     scene = Scene([*room(), named("plate", plate), named("hidden", hidden)])
@@ -126,14 +119,11 @@ def test_pixels_see_the_front_of_a_thin_plate_only():
     assert not see(at[:1], facing[:1], np.array([0])).any(), "another surface's point"
 
 
-def test_empty_truth_is_refused():
-    with pytest.raises(SceneError, match="no truth to score against"):
-        score_scene(room(), Scene([]))
-
-
-def test_a_scan_claim_is_judged_by_its_whole_interval() -> None:
+def test_a_scan_claim_is_judged_by_its_whole_interval_and_needs_a_truth() -> None:
     for low, judged, verdict in ((0.91, True, "holds"), (0.88, True, "misses"), (0.91, False, "")):
         assert _row("lab", 1.0, "recall", "", Estimate(0.95, low, 0.99, 17), 1, "", judged)["verdict"] == verdict
+    with pytest.raises(SceneError, match="no truth to score against"):
+        score_scene(room(), Scene([]))
 
 
 def test_a_surface_of_several_scans_counts_once() -> None:

@@ -1,6 +1,4 @@
-"""Recordings along the same track stay with one worker, and only one worker scans a room while the other workers
-compute other recordings.
-"""
+"""Recordings along the same track stay with one worker, only one worker scans a room, and parts have every recording once."""
 
 import itertools
 from dataclasses import replace
@@ -8,10 +6,14 @@ from pathlib import Path
 
 import pytest
 
+from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import ROVER, planned
+from experiments.campaign.part import part
 from experiments.campaign.schedule import RecordingTask, Schedule
 from radartwin.config.compose import compose
 from radartwin.config.materials import TrueMaterials
+from radartwin.io.progress import Progress
+from radartwin.store.products import Store
 
 CONFIG = compose(["profile=quick"])
 
@@ -49,10 +51,10 @@ def test_every_recording_is_made_once_and_a_worker_stays_on_its_track(tasks: lis
                 workers.remove(worker)
             else:
                 given[worker].append(task)
-    names = sorted((task.domain, task.case.name) for some in given.values() for task in some)
+    names = sorted((task.domain, task.case.name) for assigned in given.values() for task in assigned)
     assert names == sorted((task.domain, task.case.name) for task in tasks)
-    for some in given.values():
-        followed = [_track(task) for task in some]
+    for assigned in given.values():
+        followed = [_track(task) for task in assigned]
         assert len(set(followed)) == len(list(itertools.groupby(followed)))
 
 
@@ -69,3 +71,11 @@ def test_two_materials_of_a_room_are_two_tracks_unless_they_share_a_setup(tasks:
     together = Schedule(alike)
     assert [together.next_task(0) for _ in alike] == alike
     assert len(together.tracks) == 1
+
+
+@pytest.mark.parametrize("parts", [1, 7, 100])
+def test_parts_have_every_recording_once(tmp_path: Path, parts: int) -> None:
+    plan = Campaign(compose(["experiment=campaign_part"]), Store(tmp_path), Progress(quiet=True)).plan()
+    by_part = [part(plan, number, parts) for number in range(parts)]
+    assert [recording for recordings in by_part for recording in recordings] == plan
+    assert max(map(len, by_part)) - min(map(len, by_part)) <= 1

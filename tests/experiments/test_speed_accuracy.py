@@ -15,7 +15,6 @@ import pytest
 from analysis.pages import choosing
 from experiments.speed import chart, chart_page, measuring, methods, problems, speed_accuracy
 from experiments.speed.methods import DEFAULT, OURS, POINTS, RFGENESIS, Method, tracer
-from experiments.stability.sweeps import SWEEPS
 from experiments.validation.oracles import fullwave, furnished_motions, traced
 from experiments.validation.oracles.point_source import cylinder_echo, sphere_echo
 from experiments.validation.oracles.targets import cylinder_rcs
@@ -48,9 +47,7 @@ def test_far_sphere_matches_mie_series(radius_m: float) -> None:
 
 @pytest.mark.parametrize(("radius_m", "gap_m"), [(0.5, 0.2), (0.2, 1.0)])
 def test_near_sphere_matches_mirrored_point_source_with_phase(radius_m: float, gap_m: float) -> None:
-    """By geometric optics, the sphere turns the wave by half a cycle. The reflected wave has the radius 1/(1/d + 2/a) at the sphere and
-    spreads from there.
-    """
+    """By geometric optics, the sphere turns the wave by half a cycle, and the reflected wave has the radius 1/(1/d + 2/a)."""
     mirrored = 1 / (1 / gap_m + 2 / radius_m)
     expected = -WAVELENGTH_M / (4 * np.pi * gap_m) * mirrored / (mirrored + gap_m) * np.exp(2j * K * gap_m)
     assert sphere_echo(radius_m, radius_m + gap_m, FREQUENCY_HZ)[0] / expected == pytest.approx(1, abs=0.01)
@@ -68,15 +65,15 @@ def test_cylinder_matches_far_field_and_near_mirror_line() -> None:
 def test_swept_echo_equals_echo_at_each_sample() -> None:
     frequencies = traced.frequencies(traced.MONOSTATIC)
     swept = problems.swept(lambda f: cylinder_echo(0.033, 0.12, 1.0, f), 1.0)[0, 0, 0]
-    chosen = [0, 17, 128, 255]
-    assert swept[chosen] == pytest.approx(cylinder_echo(0.033, 0.12, 1.0, frequencies[chosen]), rel=1e-4)
+    samples = [0, 17, 128, 255]
+    assert swept[samples] == pytest.approx(cylinder_echo(0.033, 0.12, 1.0, frequencies[samples]), rel=1e-4)
 
 
 def test_turned_plate_is_symmetric_and_weaker_than_facing() -> None:
-    """The echo of a plate has equal levels on both sides of its normal, and each is below the level at the normal. Turned by 90 degrees,
-    the plate returns nothing.
-    """
-    levels = [np.abs(problems.corner_echo("plate", 0.1, problems.turntable_poses(1.0, 1, turn)[0])).mean() for turn in (0.0, 3.0, -3.0)]
+    """The echo of a plate has equal levels on both sides of its normal, and each is below the level at the normal."""
+    levels = [
+        np.abs(problems.corner_echo("plate", 0.1, problems.turntable_poses(1.0, 1, yaw_deg)[0])).mean() for yaw_deg in (0.0, 3.0, -3.0)
+    ]
     assert levels[1] == pytest.approx(levels[2], rel=1e-6)
     assert levels[1] < 0.7 * levels[0]
 
@@ -139,17 +136,17 @@ def test_speed_claim_needs_every_error_lower(seconds: float, error: float, free:
 
 
 def test_ratios_compare_the_same_rounds() -> None:
-    found = speed_accuracy.ratios_of([2.0, 8.0], [9.0, 1.0, 2.0])
-    assert (found.low, found.value, found.high, found.n) == (2.0, 3.0, 4.0, 2)
+    ratio = speed_accuracy.ratios_of([2.0, 8.0], [9.0, 1.0, 2.0])
+    assert (ratio.low, ratio.value, ratio.high, ratio.n) == (2.0, 3.0, 4.0, 2)
 
 
 def test_one_sum_of_the_published_generator_equals_that_of_its_frame() -> None:
     points = np.array([[1.0, 0.1, 0.0], [1.5, -0.2, 0.1]])
     radar = Radar.iwr1843()
-    one = replace(radar, num_chirps=1, tx_positions_m=radar.tx_positions_m[:1], rx_positions_m=radar.rx_positions_m[:1])
+    single = replace(radar, num_chirps=1, tx_positions_m=radar.tx_positions_m[:1], rx_positions_m=radar.rx_positions_m[:1])
     whole = direct_frame(points, points, np.ones(2), radar)
-    assert whole.size == direct_frame(points, points, np.ones(2), one).size * radar.num_chirps * radar.num_tx * radar.num_rx
-    assert direct_frame(points, points, np.ones(2), one)[0, 0, 0] == pytest.approx(whole[0, 0, 0])
+    assert whole.size == direct_frame(points, points, np.ones(2), single).size * radar.num_chirps * radar.num_tx * radar.num_rx
+    assert direct_frame(points, points, np.ones(2), single)[0, 0, 0] == pytest.approx(whole[0, 0, 0])
 
 
 def test_default_is_accurate_on_canonical_targets_and_peers_are_not() -> None:
@@ -170,13 +167,15 @@ def test_exact_images_match_the_reference_of_the_bare_office() -> None:
     problem = problems.empty_room(1, 1)
     (part,) = problem.parts
     images = Method(methods.IMAGES, "all", "")
-    found = signal_error.compare([(images.iq(part, 1, part.radar), problem.reference(part))], part.radar)
-    assert found.signal < 0.02
+    errors = signal_error.compare([(images.iq(part, 1, part.radar), problem.reference(part))], part.radar)
+    assert errors.signal < 0.02
 
 
 @pytest.mark.parametrize("make", [problems.object_in_room, problems.furnished_drive])
-def test_full_wave_references_have_the_frames_of_the_motion(make: Any) -> None:
+def test_full_wave_references_have_the_frequencies_and_the_frames_of_the_motion(make: Any) -> None:
     """The stored scene of each frame is the scene of the test problem, moved into the sensor frame."""
+    frequency, _ = fullwave.field(furnished_motions.FOLDER, furnished_motions.name("box", 0))
+    assert traced.frequencies(problems.FULL_WAVE) == pytest.approx(frequency, rel=1e-8)
     problem = make(furnished_motions.FRAMES, furnished_motions.FRAMES)
     stored = json.loads((furnished_motions.FOLDER / "scenes.json").read_text())["scenes"]
     for part in problem.parts:
@@ -190,11 +189,6 @@ def test_full_wave_references_have_the_frames_of_the_motion(make: Any) -> None:
                 ends = np.reshape(stored[furnished_motions.name(part.name, frame)][surface.name], (-1, 2))
                 distance = np.linalg.norm(mesh.vertices[:, None, :2] - ends[None], axis=2)
                 assert max(distance.min(axis=0).max(), distance.min(axis=1).max()) < 1e-6
-
-
-def test_full_wave_radar_samples_the_stored_frequencies() -> None:
-    frequency, _ = fullwave.field(furnished_motions.FOLDER, furnished_motions.name("box", 0))
-    assert traced.frequencies(problems.FULL_WAVE) == pytest.approx(frequency, rel=1e-8)
 
 
 def test_measuring_returns_time_and_rays_of_each_method() -> None:
@@ -216,29 +210,20 @@ def test_run_key_contains_the_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     assert run_key(config) != here
 
 
-def test_interactive_chart_shows_every_point_on_every_pair_of_axes() -> None:
-    rows = rows_of(measured(POINTS, "table", [0.1] * 3, 5.0), measured(OURS, "</script>", [2.0] * 3, 5.0))
+def test_charts_have_every_point_and_join_those_of_the_front() -> None:
+    rows = rows_of(measured(POINTS, "far-field table", [0.1] * 3, 5.0), measured(OURS, "</script>", [2.0] * 3, 5.0))
     text = chart_page.page(rows)
     assert not re.search(r"<(script|link|img)[^>]+(src|href)=", text), "the page loads nothing"
     assert "this tracer, </script>" not in text
     views = json.loads(re.search(r"const views = (.*);\n", text).group(1))  # type: ignore[union-attr]
     assert set(views) == {f"{cost} {error}" for cost in chart_page.COSTS for error in chart_page.ERRORS}
-
-
-def test_interactive_chart_joins_the_points_of_the_front() -> None:
-    rows = rows_of(measured(POINTS, "table", [0.1] * 3, 5.0), measured(OURS, "slow", [2.0] * 3, 5.0))
     frame = pd.DataFrame([row for row in rows if not row["claim"]])
     drawn, empty = (cast(Any, chart_page.figure(frame, "seconds_frame", error)) for error in ("profile_error_db", "feature_error"))
-    default, slow, table, line = [list(zip(one.x, one.y, strict=True)) for one in drawn.data]
+    default, slow, table, line = [list(zip(trace.x, trace.y, strict=True)) for trace in drawn.data]
     assert (default, slow, table) == ([(1.0, 1.0)], [(2.0, 5.0)], [(0.1, 5.0)])
     assert [point for point in line if np.isfinite(point[1])] == [(0.1, 5.0), (1.0, 1.0)]
-    assert drawn.layout.xaxis.title.text == chart_page.COSTS["seconds_frame"]
-    assert all(len(one.y) == 0 for one in empty.data)
-
-
-def test_chart_labels_every_named_point() -> None:
-    drawing = chart.chart(rows_of(measured(POINTS, "far-field table", [0.1] * 3, 5.0)), "profile_error_db")
-    labels = {text.get_text() for axes in drawing.axes for text in axes.texts}
+    assert all(len(trace.y) == 0 for trace in empty.data)
+    labels = {text.get_text() for axes in chart.chart(rows, "profile_error_db").axes for text in axes.texts}
     assert {"default", "table"} <= labels
 
 
@@ -250,13 +235,3 @@ def test_options_in_choosing_make_the_measured_setting(problem: problems.Problem
             asked = compose(choosing.options(method.setting).split()).simulator
             assert asked.elements == method.elements
             assert {name: getattr(asked, name) for name, _ in method.settings} == dict(method.settings)
-
-
-def test_choosing_page_follows_from_committed_results() -> None:
-    assert choosing.PAGE.read_text(encoding="utf-8") == choosing.text()
-
-
-def test_choosing_page_names_the_cause_of_every_sweep() -> None:
-    page = choosing.PAGE.read_text(encoding="utf-8")
-    for sweep in SWEEPS:
-        assert f"| {sweep.title} | {sweep.kind.removeprefix('a ')} |" in page

@@ -1,17 +1,14 @@
-"""Tests of the stability table: the parameter regions with small errors follow from the computed errors, the figure shows these regions,
-and known errors of the tracer are unchanged.
-"""
+"""Tests of the stability table: its safe regions follow from the errors, its figure shows them, and the tracer stays accurate."""
 
 from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from experiments.speed.methods import OURS, Method, tracer
+from experiments.speed.methods import Method, tracer
 from experiments.stability import stability, sweeps
 from experiments.stability.sweeps import METHODS, SWEEPS, Sweep
 from experiments.validation.oracles import fullwave, furnished_sweeps, moments_2d
@@ -21,12 +18,12 @@ BY_NAME = {sweep.name: sweep for sweep in SWEEPS}
 PEER = Method("points", "table", "points")
 
 
-def rows(mine: list[float], theirs: list[float]) -> list[dict]:
+def rows(mine: list[float], peer: list[float]) -> list[dict]:
     values = tuple(float(10 * (i + 1)) for i in range(len(mine)))
     sweep = Sweep("made up", "a made-up sweep", "m", "physical", values, lambda method, value: 0.0, "because")
-    found = stability.sweep_rows(sweep, [(tracer("default"), mine), (PEER, theirs)])
-    check_rows("stability", found)
-    return found
+    table = stability.sweep_rows(sweep, [(tracer("default"), mine), (PEER, peer)])
+    check_rows("stability", table)
+    return table
 
 
 def test_safe_region_ends_before_the_first_error_above_the_limit() -> None:
@@ -34,16 +31,11 @@ def test_safe_region_ends_before_the_first_error_above_the_limit() -> None:
     assert (first["value"], first["safe"], first["fails at"]) == (2, "10 to 20 m", "30 m")
     assert (second["value"], second["safe"], second["fails at"]) == (0, "none", "10 m")
     assert (first["verdict"], second["verdict"]) == ("holds", "")
-
-
-def test_nan_is_not_a_safe_value() -> None:
-    first, _ = rows([0.1, math.nan, 0.1], [5.0, 5.0, 5.0])
-    assert first["value"] == 1
+    assert rows([0.1, math.nan, 0.1], [5.0, 5.0, 5.0])[0]["value"] == 1  # nan is not a safe value
 
 
 def test_claim_holds_for_the_largest_or_an_equal_safe_region() -> None:
-    assert rows([0.1, 9.0], [0.2, 9.0])[0]["verdict"] == "holds"
-    assert rows([9.0, 0.1], [0.2, 9.0])[0]["verdict"] == "misses"
+    assert [rows([0.1, 9.0], [0.2, 9.0])[0]["verdict"], rows([9.0, 0.1], [0.2, 9.0])[0]["verdict"]] == ["holds", "misses"]
 
 
 def test_samples_that_are_not_finite_give_nan(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -55,8 +47,8 @@ def test_samples_that_are_not_finite_give_nan(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_map_shows_every_sweep_value_and_failure() -> None:
-    found = rows([0.1, 3.0, 3.1, 50.0], [5.0, 0.1, 0.1, 0.1]) + [{**row, "sweep": "other"} for row in rows([0.1] * 3, [0.1] * 3)]
-    drawing = stability.map_of(found)
+    table = rows([0.1, 3.0, 3.1, 50.0], [5.0, 0.1, 0.1, 0.1]) + [{**row, "sweep": "other"} for row in rows([0.1] * 3, [0.1] * 3)]
+    drawing = stability.map_of(table)
     blocks = [axes for axes in drawing.axes if axes.images and axes.texts]
     assert len(blocks) == 2
     texts = [text.get_text() for text in blocks[0].texts]
@@ -64,14 +56,12 @@ def test_map_shows_every_sweep_value_and_failure() -> None:
     assert [text.get_text() for text in blocks[1].texts].count("safe throughout") == 2
 
 
-# STANDS: {parameter: (value, limit of the error in dB)} at which the tracer must stay accurate. FALLS: {parameter: value} at which it is
-# known to fail.
+# {parameter: (value, limit of the error in dB)} at which the tracer must stay accurate
 STANDS = {
     "rays": (256, 0.6), "grid": (2.5, 0.3), "facets": (16, 0.5), "holes": (5, 0.6), "noise": (0.1, 0.8),
     "near": (0.3, 1.5), "fold": (10.0, 0.2), "speed": (7.0, 0.5), "thickness": (0.0, 0.1), "gap": (0.03, 0.1), "snr": (20, 0.2),
     "panel": (0, 1.0), "edge": (100, 1.0),
 }  # fmt: skip
-FALLS = {"facets": 12, "noise": 0.8, "fold": 12.0, "speed": 8.0, "snr": -5}
 
 
 @pytest.mark.parametrize("name", STANDS)
@@ -80,26 +70,11 @@ def test_errors_of_this_tracer_stay_below_known_values(name: str) -> None:
     assert BY_NAME[name].error_db(METHODS[0], value) < limit_db
 
 
-@pytest.mark.parametrize("name", FALLS)
-def test_known_failures_exceed_the_limit(name: str) -> None:
-    """The tracer fails near the limits of wavelength, sensor distance and mesh resolution. If a change of the tracer corrects such a
-    failure, the figure changes.
-    """
-    assert BY_NAME[name].error_db(METHODS[0], FALLS[name]) > stability.LIMIT_DB
-
-
 def test_method_without_absolute_level_is_calibrated_on_the_sphere() -> None:
     naive = next(method for method in METHODS if method.backend == "rfgenesis")
     iq = sweeps.samples(naive, *sweeps.alone(sweeps.objects.sphere(sweeps.BALL_M, 4), 1.0))
     assert sweeps.off(naive, iq, sweeps.sphere_echo(sweeps.BALL_M, 1.0, sweeps.MIDDLE_HZ)[0]) == pytest.approx(0, abs=1e-6)
     assert sweeps.gain_db(METHODS[0]) == 0
-
-
-def test_every_sweep_has_a_unique_name_a_kind_and_a_reason() -> None:
-    assert all(sweep.why and sweep.kind in ("physical", "numerical", "a setting", "knowledge") for sweep in SWEEPS)
-    assert len({sweep.name for sweep in SWEEPS}) == len(SWEEPS)
-    assert METHODS[0].family == OURS
-    assert METHODS[0] == replace(tracer("default"))
 
 
 def test_full_wave_scenes_of_the_sweeps_are_stored() -> None:

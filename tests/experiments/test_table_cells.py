@@ -40,7 +40,6 @@ def synthetic() -> Frame:
                         "level": level,
                         "ratio": ratio,
                     }
-                    row |= {"level": level, "ratio": ratio}
                     rows.append({**shared, **row, "key": f"{domain}{twin}{name}{distance}{draw}{repetition}"})
     return pd.DataFrame(rows)
 
@@ -75,17 +74,17 @@ def test_each_estimate_equals_a_direct_computation() -> None:
         (mantel(["level", "ratio"]), np.corrcoef(distances(frame, "measured"), distances(frame, "twin"))[0, 1]),
     ]
     for estimate, value in expected:
-        found = estimate(frame, 50, 0)
-        assert found.value == pytest.approx(value, abs=1e-12)
-        assert found.low <= found.value <= found.high
+        computed = estimate(frame, 50, 0)
+        assert computed.value == pytest.approx(value, abs=1e-12)
+        assert computed.low <= computed.value <= computed.high
 
 
 def test_rows_join_draws_and_show_a_named_twin_without_a_claim_where_it_differs() -> None:
     frame = synthetic()
 
-    def table(one: Frame) -> Iterator[Cell]:
+    def table(part: Frame) -> Iterator[Cell]:
         for domain in ("measured", "twin"):
-            yield Cell({"of": domain}, "level", one[one.domain == domain], mean(per("level")), Claim("high", "2", bound=0.1))
+            yield Cell({"of": domain}, "level", part[part.domain == domain], mean(per("level")), Claim("high", "2", bound=0.1))
 
     measured, twin, other = cells.table_rows(config("turntable_shape"), frame, table)
     assert measured["value"] == pytest.approx(np.mean([by_hand(frame, "level", "measured", draw) for draw in (0, 1)]))
@@ -101,9 +100,9 @@ def test_rows_of_another_truth_use_its_measurements_and_are_chosen() -> None:
     exact = frame[(frame.domain == "measured") & (frame.draw == 0)].assign(truth="exact")
     exact["level"] *= 3
 
-    def table(one: Frame) -> Iterator[Cell]:
+    def table(part: Frame) -> Iterator[Cell]:
         for domain in ("measured", "twin"):
-            yield Cell({"of": domain}, "level", one[one.domain == domain], mean(per("level")), Claim("high", bound=0.1))
+            yield Cell({"of": domain}, "level", part[part.domain == domain], mean(per("level")), Claim("high", bound=0.1))
 
     both = pd.concat([frame, exact], ignore_index=True)
     measured, twin, other = cells.table_rows(config("turntable_shape"), both, table, lambda row: row["of"] == "measured")
@@ -115,9 +114,9 @@ def test_rows_of_another_truth_use_its_measurements_and_are_chosen() -> None:
 def test_a_cell_that_cannot_be_computed_is_refused() -> None:
     frame = synthetic()
     with pytest.raises(ConfigError, match=r"cell 'level' \(of nothing\) selects no recordings; add them"):
-        cells.table_rows(config("turntable_shape"), frame, lambda one: [Cell({"of": "nothing"}, "level", one[:0], mean("level"))])
+        cells.table_rows(config("turntable_shape"), frame, lambda part: [Cell({"of": "nothing"}, "level", part[:0], mean("level"))])
     with pytest.raises(ConfigError, match="reads 'entropy', which its recordings lack"):
-        cells.table_rows(config("turntable_shape"), frame, lambda one: [Cell({"of": "all"}, "level", one, mean("entropy"))])
+        cells.table_rows(config("turntable_shape"), frame, lambda part: [Cell({"of": "all"}, "level", part, mean("entropy"))])
 
 
 def test_recordings_of_less_than_a_revolution_are_refused_by_name() -> None:

@@ -1,6 +1,4 @@
-"""A revolution that is interpolated between traced angles uses the same target poses as a fully traced revolution, namely the logged poses
-with the same pose errors.
-"""
+"""An interpolated revolution has the target poses of a fully traced one: the logged poses with the same pose errors."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -18,9 +16,7 @@ COURSE = ["profile.campaign.frames_per_turn=40", "profile.campaign.turns=30"]
 
 @pytest.fixture
 def simulated(monkeypatch):
-    """Return a function that simulates a recording, interpolated or fully traced, whose samples encode yaw, position and tilt of the
-    target.
-    """
+    """Return a function that simulates a recording whose samples encode yaw, position and tilt of the target."""
 
     def seen(case, place, root, there, shadow):
         poses = there.motion[case.object]
@@ -30,15 +26,15 @@ def simulated(monkeypatch):
     def simulate(case, config, traced=False):
         if traced:
             for few in ("aspects", "shadows"):
-                monkeypatch.setattr(truth, few, lambda *some: 10**9)
+                monkeypatch.setattr(truth, few, lambda *_: 10**9)
         made: Any = truth.record(case, config)
         return (made.iq if traced else made.aspects.at(made.angles))[:, :, 0, 0, 0]
 
     monkeypatch.setattr(truth, "_seen", seen)
     monkeypatch.setattr(truth._Turning, "shadow", lambda turning: Aspects(np.zeros((64, 1, 1, 1), np.complex64)))
     for slow in ("_creep", "_person"):
-        monkeypatch.setattr(truth, slow, lambda *some: None)
-    monkeypatch.setattr(truth, "Recording", lambda iq, *some, **more: SimpleNamespace(iq=iq))
+        monkeypatch.setattr(truth, slow, lambda *_: None)
+    monkeypatch.setattr(truth, "Recording", lambda iq, *_, **more: SimpleNamespace(iq=iq))
     return simulate
 
 

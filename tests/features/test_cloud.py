@@ -28,9 +28,9 @@ def processed(targets: list[tuple[float, float, float]], noise: float = 1e-3, fr
 
 
 def test_each_target_is_one_detection_at_its_place() -> None:
-    found = cloud.detections(processed([(1.0, 0.0, 1.0), (2.4, 30.0, 0.5), (4.0, -40.0, 0.2)]))
-    assert len(found) == 2
-    for frame in found:
+    clouds = cloud.detections(processed([(1.0, 0.0, 1.0), (2.4, 30.0, 0.5), (4.0, -40.0, 0.2)]))
+    assert len(clouds) == 2
+    for frame in clouds:
         assert frame[:, 0] == pytest.approx([1.0, 2.4, 4.0], abs=0.021)
         assert np.rad2deg(frame[:, 1]) == pytest.approx([0, 30, -40], abs=1.5)
 
@@ -49,8 +49,8 @@ def test_order_of_the_antennas_adds_no_detections(reversed_antennas) -> None:
 
 
 def test_noise_has_few_detections() -> None:
-    found = cloud.detections(processed([], frames=50))
-    assert np.mean([len(frame) for frame in found]) < 0.02 * len(RANGE_M)
+    clouds = cloud.detections(processed([], frames=50))
+    assert np.mean([len(frame) for frame in clouds]) < 0.02 * len(RANGE_M)
 
 
 def test_agreement_of_clouds_compared_by_hand() -> None:

@@ -1,6 +1,4 @@
-"""Processed recordings show the level, the range, the phase across the array and the speed of their point echoes. Further tests cover
-storage and errors.
-"""
+"""Processed recordings show the level, range, direction and speed of point echoes, and are stored and loaded unchanged."""
 
 from dataclasses import replace
 

@@ -1,6 +1,4 @@
-"""Test three values on known signals: the energy in the target gate, the share of energy outside of the gate, and the correlation of two
-range profiles.
-"""
+"""The energy in the target gate, the share of energy outside of it, and the correlation of range profiles of known signals."""
 
 from __future__ import annotations
 

@@ -75,3 +75,10 @@ def test_a_recording_that_is_stopped_and_started_again_plays_at_its_frame_rate(s
     time.sleep(1.0)
     controls._plays.value = False
     assert controls.frame - before <= 11
+
+
+@pytest.mark.parametrize("frames", [1, 2])
+def test_the_frame_slider_ends_at_the_last_frame(frames: int, server: Any) -> None:
+    recording = rt.Recording(np.zeros((frames, 1, 2, 4, 256), np.complex64), replace(RADAR, num_chirps=1))
+    controls = Controls(server, Mock(), Playback(recording, "capture"), 5.0)
+    assert (controls._frame.min, controls._frame.max, controls.frame) == (0, frames - 1, 0)

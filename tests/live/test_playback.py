@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from unittest.mock import Mock
-
 import numpy as np
 import pytest
-import viser
 
 import radartwin as rt
-from radartwin.live.controls import Controls
 from radartwin.live.playback import Playback, shifted_db
 from radartwin.scene import objects
 from radartwin.scene.scene import Scene, Surface
@@ -34,14 +30,3 @@ def test_a_recording_gives_its_frames_its_poses_and_levels_beside_the_simulation
     assert "no poses" in Playback(counts, "capture").caption(0)
     profile, raised = playback.spectra(0).profile_db, Playback(counts, "capture").spectra(0).profile_db
     assert np.allclose(shifted_db(raised, profile)[profile > -150], profile[profile > -150], atol=1e-3)
-
-
-@pytest.mark.parametrize("frames", [1, 2])
-def test_the_frame_slider_ends_at_the_last_frame(frames: int) -> None:
-    iq = np.zeros((frames, 16, 2, 4, 256), np.complex64)
-    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    try:
-        controls = Controls(server, Mock(), Playback(rt.Recording(iq, rt.Radar.iwr1843()), "capture"), 5.0)
-        assert (controls._frame.min, controls._frame.max, controls.frame) == (0, frames - 1, 0)
-    finally:
-        server.stop()

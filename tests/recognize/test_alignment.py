@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from class_rows import text_vectors
 
 from radartwin.recognize.alignment import Alignment, align, copy_noise
 from radartwin.recognize.encoder import Encoder, Settings, nearest_text, text_scores
@@ -16,17 +17,12 @@ from radartwin.recognize.training import fit
 
 CLASSES, FEATURES = 8, 8
 SETTINGS = Settings(hidden=32, epochs=40, batch=128)
-ANCHORS: dict[str, np.ndarray] = {
-    f"k{kind}": vector
-    for kind, vector in enumerate(np.linalg.qr(np.random.default_rng(9).normal(size=(16, CLASSES)))[0].T.astype(np.float32))
-}
+ANCHORS = text_vectors([f"k{kind}" for kind in range(CLASSES)])
 SHORT = replace(SETTINGS, epochs=3)
 
 
 def split(seed: int, shift: float = 0.0, copies: int = 10) -> Split:
-    """Return standardised rows of both domains. All measured rows have the same random shift of `shift` per feature, and the class means
-    differ by 0.3 between the domains.
-    """
+    """Return rows of both domains. The measured ones share a random shift of `shift`, and their class means differ by 0.3."""
     rng = np.random.default_rng(seed)
     centres, apart = rng.normal(size=(CLASSES, FEATURES)), 0.3 * rng.normal(size=(CLASSES, FEATURES))
     names = [f"f{number}" for number in range(FEATURES)]
@@ -43,16 +39,18 @@ def split(seed: int, shift: float = 0.0, copies: int = 10) -> Split:
     return label_free(simulated, measured.with_values(measured.values + shift * rng.normal(size=FEATURES)))
 
 
-def accuracy(encoder: Encoder, one: Split) -> float:
-    return float((nearest_text(encoder, one.unlabelled, ANCHORS, SETTINGS.temperature) == one.test.per_recording().label).mean())
+def accuracy(encoder: Encoder, data: Split) -> float:
+    return float((nearest_text(encoder, data.unlabelled, ANCHORS, SETTINGS.temperature) == data.test.per_recording().label).mean())
 
 
 def test_views_remove_a_shift_that_all_classes_have_in_common() -> None:
     gains = []
     for seed in range(4):
-        one = split(seed, shift=0.7)
-        start = fit(one, ANCHORS, SETTINGS, seed).encoder
-        alone, with_views = (accuracy(align(start, one, ANCHORS, SETTINGS, seed, Alignment("views", weight)), one) for weight in (0.0, 0.1))
+        data = split(seed, shift=0.7)
+        start = fit(data, ANCHORS, SETTINGS, seed).encoder
+        alone, with_views = (
+            accuracy(align(start, data, ANCHORS, SETTINGS, seed, Alignment("views", weight)), data) for weight in (0.0, 0.1)
+        )
         gains.append(with_views - alone)
     assert np.mean(gains) > 0.05
 
@@ -60,29 +58,31 @@ def test_views_remove_a_shift_that_all_classes_have_in_common() -> None:
 def test_prototypes_pull_measured_rows_to_their_nearest_text_and_keep_the_accuracy() -> None:
     texts = np.stack([ANCHORS[label] for label in sorted(ANCHORS)])
     for seed in range(3):
-        one = split(seed)
-        start = fit(one, ANCHORS, SETTINGS, seed).encoder
-        alone, pulled = (align(start, one, ANCHORS, SETTINGS, seed, Alignment(weight=weight)) for weight in (0.0, 1.0))
-        sure = [text_scores(encoder.embed(one.test.values), texts, SETTINGS.temperature).max(axis=1).mean() for encoder in (alone, pulled)]
+        data = split(seed)
+        start = fit(data, ANCHORS, SETTINGS, seed).encoder
+        alone, pulled = (align(start, data, ANCHORS, SETTINGS, seed, Alignment(weight=weight)) for weight in (0.0, 1.0))
+        sure = [text_scores(encoder.embed(data.test.values), texts, SETTINGS.temperature).max(axis=1).mean() for encoder in (alone, pulled)]
         assert sure[1] > sure[0]
-        assert accuracy(pulled, one) >= accuracy(alone, one) - 0.05
+        assert accuracy(pulled, data) >= accuracy(alone, data) - 0.05
 
 
 @pytest.mark.parametrize("term", ["prototypes", "views"])
 def test_the_same_seed_gives_the_same_bytes_and_labels_are_not_used(term) -> None:
-    one, alignment = split(0), Alignment(term, epochs=3)
-    start = fit(one, ANCHORS, SHORT).encoder
-    other = label_free(one.train, replace(one.test, label=np.roll(one.test.label, 8)))
-    first, again, last = (align(start, given, ANCHORS, SHORT, seed, alignment).weights for given, seed in ((one, 0), (other, 0), (one, 1)))
+    data, alignment = split(0), Alignment(term, epochs=3)
+    start = fit(data, ANCHORS, SHORT).encoder
+    other = label_free(data.train, replace(data.test, label=np.roll(data.test.label, 8)))
+    first, again, last = (
+        align(start, given, ANCHORS, SHORT, seed, alignment).weights for given, seed in ((data, 0), (other, 0), (data, 1))
+    )
     assert all(first[name].tobytes() == again[name].tobytes() for name in first)
     assert any(first[name].tobytes() != last[name].tobytes() for name in first)
 
 
 def test_measured_rows_have_no_effect_at_weight_zero() -> None:
-    one = split(0)
-    start = fit(one, ANCHORS, SHORT).encoder
-    other = label_free(one.train, one.test.with_values(one.test.values[::-1]))
-    first, second = (align(start, given, ANCHORS, SHORT, 0, Alignment(weight=0, epochs=2)).weights for given in (one, other))
+    data = split(0)
+    start = fit(data, ANCHORS, SHORT).encoder
+    other = label_free(data.train, data.test.with_values(data.test.values[::-1]))
+    first, second = (align(start, given, ANCHORS, SHORT, 0, Alignment(weight=0, epochs=2)).weights for given in (data, other))
     assert all(first[name].tobytes() == second[name].tobytes() for name in first)
     assert any(first[name].tobytes() != start.weights[name].tobytes() for name in first)
 

@@ -45,8 +45,8 @@ def test_features_equal_those_of_a_recording_with_the_frames_of_the_training(fra
     assert log.angle_rad is not None
     np.testing.assert_allclose(np.diff(log.angle_rad), 2 * np.pi / 24)
     _, expected = families.vector(*turning(24), "rotation", ["brightness"])
-    _, found = families.vector(processed, log, "rotation", ["brightness"])
-    np.testing.assert_allclose(found, expected, atol=2 * np.pi / frames)
+    _, features = families.vector(processed, log, "rotation", ["brightness"])
+    np.testing.assert_allclose(features, expected, atol=2 * np.pi / frames)
 
 
 @pytest.mark.parametrize("frames", [None, 250, 300])

@@ -32,7 +32,7 @@ def test_meshes_and_catalogue_objects_stand_on_the_turntable(tmp_path: Path) -> 
     """Objects stand on z = 0, with the axis in the middle of a mesh, and are sorted by name. The radar aims at half the height."""
     bottle = "name: bottle, mesh: meshes/plate.stl, unit: mm, up: y, material: {layers: [[pet, 0.0005]], backing: water}"
     first, mug, plate = read_objects(written(tmp_path, PLATE, MUG, bottle))
-    assert [one.name for one in (first, mug, plate)] == ["bottle", "mug", "plate"]
+    assert [entry.name for entry in (first, mug, plate)] == ["bottle", "mug", "plate"]
     np.testing.assert_allclose(plate.size_m, [0.002, 0.12, 0.08], atol=1e-7)
     np.testing.assert_allclose(plate.surfaces[0].mesh.bounds, [[-0.001, -0.06, 0], [0.001, 0.06, 0.08]], atol=1e-7)
     assert (plate.aim_m, plate.radius_m) == pytest.approx((0.04, np.hypot(0.06, 0.001)))

@@ -1,6 +1,4 @@
-"""The functions that split data into training and test data refuse three errors: measured class labels in training without labels, a
-recording in both parts, and a calibration object that is also scored.
-"""
+"""Splits refuse measured labels in training without labels, a recording in both parts, and a scored calibration object."""
 
 from __future__ import annotations
 
@@ -8,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from class_rows import class_rows
 
 from radartwin.recognize.samples import MEASURED, SIMULATED, Part, Samples, gather, join
 from radartwin.recognize.split import LeakError, Split, as_domains, draw_shots, label_free, most_shots, shuffled
@@ -15,32 +14,23 @@ from radartwin.recognize.split import LeakError, Split, as_domains, draw_shots, 
 OBJECTS = ("can", "mug", "reflector")
 
 
-def recordings(domain: str, each: int = 4, frames: int = 5, seed: int = 0) -> Samples:
-    rng = np.random.default_rng(seed)
-    parts = [
-        Part(f"{domain} {label} {number}", label, domain, rng.normal(size=(frames, 2)), f"{number % 2} m")
-        for label in OBJECTS
-        for number in range(each)
-    ]
-    return gather(("a", "b"), parts)
+def recordings(domain: str, each: int = 4, seed: int = 0) -> Samples:
+    return class_rows(domain, seed, OBJECTS, 2, each, copies=5, spread=1.0, strata=2)
 
 
 def test_measured_labels_cannot_reach_training_without_labels():
-    """At both supervision levels without measured labels, a measured recording with its class label is refused, alone and among simulated
-    recordings.
-    """
+    """A measured recording with its class label is refused, alone and among simulated recordings, and so is a scored simulation."""
     simulated, measured = recordings(SIMULATED), recordings(MEASURED)
-    one = measured.take(measured.recording == measured.recording[0])
-    rest = measured.take(measured.recording != measured.recording[0])
-    for train in (one, join(simulated, one)):
+    first = measured.recording == measured.recording[0]
+    labelled, rest = measured.take(first), measured.take(~first)
+    for train in (labelled, join(simulated, labelled)):
         with pytest.raises(LeakError, match="is in training"):
             Split("label_free", train, rest)
         with pytest.raises(LeakError, match="is in training"):
             Split("calibrated", train, rest.without("reflector"), calibration_object="reflector")
-
-
-def test_training_sees_test_rows_without_labels():
-    split = label_free(recordings(SIMULATED), recordings(MEASURED))
+    with pytest.raises(LeakError, match="score measured recordings only"):
+        Split("label_free", recordings(SIMULATED, seed=1), simulated)
+    split = label_free(simulated, measured)
     assert not hasattr(split.unlabelled, "label")
     assert np.array_equal(split.unlabelled.values, split.test.values)
 
@@ -63,15 +53,13 @@ def test_frames_of_a_recording_stay_together():
 
 
 def test_revolutions_of_a_recording_stay_together():
-    """The revolutions of one recording are nearly equal, so neither a split nor a random draw puts them into both
-    training and test data.
-    """
+    """The revolutions of one recording are nearly equal, so that no split has them in both parts."""
     rng = np.random.default_rng(0)
     parts = [
-        Part(f"{label} {number} turn {turn}", label, MEASURED, rng.normal(size=2), source=f"{label} {number}")
+        Part(f"{label} {number} turn {revolution}", label, MEASURED, rng.normal(size=2), source=f"{label} {number}")
         for label in OBJECTS
         for number in range(4)
-        for turn in range(3)
+        for revolution in range(3)
     ]
     measured = gather(("a", "b"), parts)
     assert most_shots(measured) == 6
@@ -90,11 +78,6 @@ def test_the_calibration_object_is_not_scored():
     assert "reflector" not in Split("calibrated", simulated, measured.without("reflector"), calibration_object="reflector").test.classes
 
 
-def test_a_simulated_recording_is_not_scored():
-    with pytest.raises(LeakError, match="score measured recordings only"):
-        Split("label_free", recordings(SIMULATED, seed=1), recordings(SIMULATED))
-
-
 def test_a_recording_has_one_label_and_one_domain():
     simulated = recordings(SIMULATED)
     labels = simulated.label.copy()
@@ -106,9 +89,9 @@ def test_a_recording_has_one_label_and_one_domain():
 def test_the_order_of_files_does_not_matter():
     rng = np.random.default_rng(0)
     parts = [Part(f"r{number:02d}", "can", MEASURED, rng.normal(size=(3, 2))) for number in range(12)]
-    one, two = gather(("a", "b"), parts), gather(("a", "b"), [parts[i] for i in rng.permutation(len(parts))])
-    assert np.array_equal(one.values, two.values)
-    assert np.array_equal(one.recording, two.recording)
+    ordered, shuffled_files = gather(("a", "b"), parts), gather(("a", "b"), [parts[i] for i in rng.permutation(len(parts))])
+    assert np.array_equal(ordered.values, shuffled_files.values)
+    assert np.array_equal(ordered.recording, shuffled_files.recording)
 
 
 def test_shuffled_labels_stay_with_recordings_and_keep_class_sizes():

@@ -1,6 +1,4 @@
-"""Tests of noisy copies of recordings: the noise has the requested power, is correlated by the range window, and is independent between
-copies.
-"""
+"""The noise of noisy copies has the requested power, the correlation of the range window, and is independent between copies."""
 
 from __future__ import annotations
 
@@ -27,9 +25,9 @@ def echo(noise: float = 0.0, frames: int = 24, amplitude: float = 0.0) -> Proces
 
 def test_noise_has_the_requested_power_including_the_recordings_own():
     quiet = replace(echo(), noise=None)
-    for processed, own in ((quiet, 0.0), (replace(quiet, noise=np.full(len(quiet.range_m), 3e-6, np.float32)), 3e-6)):
+    for processed, present in ((quiet, 0.0), (replace(quiet, noise=np.full(len(quiet.range_m), 3e-6, np.float32)), 3e-6)):
         added = noisy(processed, 1e-5, np.random.default_rng(0))
-        assert added.power.mean() == pytest.approx(1e-5 - own, rel=0.05)
+        assert added.power.mean() == pytest.approx(1e-5 - present, rel=0.05)
         assert added.noise_floor.mean() == pytest.approx(1e-5, rel=1e-5)
     loud = replace(quiet, noise=np.full(len(quiet.range_m), 1e-4, np.float32))
     assert np.array_equal(noisy(loud, 1e-5, np.random.default_rng(0)).channels, loud.channels)
@@ -38,26 +36,22 @@ def test_noise_has_the_requested_power_including_the_recordings_own():
 def test_noise_is_correlated_like_receiver_noise():
     """White noise that is transformed by `process` has the same correlation between neighbouring range bins, 2/3 for a Hann window."""
     received, added = echo(noise=1e-3), noisy(replace(echo(), noise=None), 1e-5, np.random.default_rng(0))
-    for one in (received, added):
-        bins = one.channels.reshape(-1, one.channels.shape[-1])
+    for noise in (received, added):
+        bins = noise.channels.reshape(-1, noise.channels.shape[-1])
         correlation = np.abs((bins[:, 1:] * bins[:, :-1].conj()).mean()) / (np.abs(bins) ** 2).mean()
         assert correlation == pytest.approx(2 / 3, abs=0.04)
 
 
-def test_power_and_channels_of_a_copy_agree():
-    copy = noisy(replace(echo(amplitude=1e-2, frames=20), noise=None), 1e-6, np.random.default_rng(0))
-    assert copy.power == pytest.approx((np.abs(copy.channels) ** 2).mean(axis=1), rel=1e-3, abs=1e-12)
-
-
-def test_copies_differ_and_are_reproducible():
-    processed = replace(echo(frames=5), noise=None)
-    one, two = (noisy(processed, 1e-6, np.random.default_rng(seed)) for seed in (7, 8))
-    assert not np.array_equal(one.channels, two.channels)
-    assert np.array_equal(one.channels, noisy(processed, 1e-6, np.random.default_rng(7)).channels)
+def test_copies_differ_are_reproducible_and_have_the_power_of_their_channels():
+    processed = replace(echo(amplitude=1e-2, frames=20), noise=None)
+    first, second, again = (noisy(processed, 1e-6, np.random.default_rng(seed)) for seed in (7, 8, 7))
+    assert not np.array_equal(first.channels, second.channels)
+    assert np.array_equal(first.channels, again.channels)
+    assert first.power == pytest.approx((np.abs(first.channels) ** 2).mean(axis=1), rel=1e-3, abs=1e-12)
 
 
 def test_simulated_targets_get_the_measured_signal_to_noise_ratio():
-    ours, theirs, floor = np.array([1.0, 2.0, 4.0]), np.array([10.0, 20.0, 40.0]), 0.5
-    assert np.median(ours) / added_noise(ours, theirs, floor) == pytest.approx(np.median(theirs) / floor)
+    simulated, measured, floor = np.array([1.0, 2.0, 4.0]), np.array([10.0, 20.0, 40.0]), 0.5
+    assert np.median(simulated) / added_noise(simulated, measured, floor) == pytest.approx(np.median(measured) / floor)
     with pytest.raises(ValueError, match="no energy above the noise"):
-        added_noise(np.zeros(3), theirs, floor)
+        added_noise(np.zeros(3), measured, floor)
