@@ -19,7 +19,9 @@ from radartwin.runs.experiment import check_rows
 CONFIG = compose(["experiment=complexity"])
 
 
-def case_result(asked: str, parts: str, seconds: tuple[float, float, float], shipped_error: float = 0.2, auto_error: float = 0.6) -> CaseResult:
+def case_result(
+    asked: str, parts: str, seconds: tuple[float, float, float], shipped_error: float = 0.2, auto_error: float = 0.6
+) -> CaseResult:
     model = Model(parts, 3, True, False, 0.25, "planar")
     steps = (Step("parts", "none", 3.0, "multipath_share", False), Step("max_bounces", 3, 0.5, "entropy", True))
     errors = {AUTO: (0.5, "entropy"), FIXED: (0.1, "entropy"), SHIPPED: (shipped_error, "entropy")}

@@ -10,9 +10,9 @@ import pytest
 from echoes import BIN_M, RADAR, echoes
 
 from radartwin.features import doppler, envelope, extent, families, track, window
-from radartwin.features.sets import SETS
 from radartwin.features.log import Nominal as Log
 from radartwin.features.processed import Processed, process
+from radartwin.features.sets import SETS
 from radartwin.features.signature import signature
 
 AXIS_M = 24 * BIN_M  # range of the turntable's axis, on the centre of a range bin, about 1.05 m

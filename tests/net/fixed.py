@@ -104,30 +104,28 @@ TABLES: dict[str, tuple[Any, tuple[Motion, ...]]] = {
 TEXTS = {"claim", "family", "test", "unit", "run_keys", "paper", "reason", "domain", "seed", "interval_scale", "direction", "level"}
 
 
-def campaign(motions: tuple[Motion, ...], distances: tuple[float, ...] = (0.5, 1.0)) -> FakeCampaign:
+def campaign(motions: tuple[Motion, ...], distances: tuple[float, ...] = (0.5, 1.0), materials: str = "vlm") -> FakeCampaign:
     """Return a campaign that needs no simulator."""
     rooms = ("lab",) if motions == ("turntable",) else ("squash_court",)
-    return FakeCampaign(motions, rooms, distances, repetitions=2, frames=24, gap=0.05)
+    return FakeCampaign(motions, rooms, distances, repetitions=2, frames=24, gap=0.05, materials=materials)
 
 
 @cache
 def frame(motions: tuple[Motion, ...]) -> Frame:
-    return frame_of(campaign(motions), *motions)
+    """Return the readings of a campaign; without motions, those of the table `environment`."""
+    if motions:
+        return frame_of(campaign(motions), *motions)
+    usual, uniform = (campaign(("turntable",), (0.5, 1.0, 1.5, 2.0), materials) for materials in ("vlm", "uniform"))
+    sides = dict.fromkeys(environment.SIDES, usual) | {"uniform": uniform}
+    return environment.read(config("environment"), sides, partial(read, progress=Progress(quiet=True)))
 
 
 def rows(name: str) -> list[dict[str, Any]]:
     """Return the rows of a results table over the fixed readings as JSON values, without texts that every row repeats."""
     score, motions = TABLES[name]
-    readings = (
-        frame(motions)
-        if motions
-        else environment.read(config(name), campaign(("turntable",), (0.5, 1.0, 1.5, 2.0)), partial(read, progress=Progress(quiet=True)))
-    )
-    kept = (
-        {key: value for key, value in row.items() if value not in (None, "") and key not in TEXTS}
-        for row in score(config(name), readings).rows
-    )
-    return json.loads(json.dumps(list(kept), default=float))
+    of_table = score(config(name), frame(motions)).rows
+    kept = [{key: value for key, value in row.items() if value not in (None, "") and key not in TEXTS} for row in of_table]
+    return json.loads(json.dumps(kept, default=float))
 
 
 def main() -> None:
