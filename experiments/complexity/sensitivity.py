@@ -172,8 +172,9 @@ def fidelity(campaign: Campaign, config: Config, progress: Progress) -> Iterator
 def _frame(module: ModuleType, config: Config, campaign: Campaign, progress: Progress) -> Frame:
     """Return the frame of a fidelity table. All draws count as repetitions of one draw."""
     fetch = partial(stored, progress=progress)
-    read = environment.read(config, campaign, fetch) if module is environment else fetch(campaign, shared(campaign, module.MOTIONS))
-    return read.assign(draw=0)
+    if module is environment:
+        return environment.read(config, environment.sources(campaign), fetch).assign(draw=0)
+    return fetch(campaign, shared(campaign, module.MOTIONS)).assign(draw=0)
 
 
 def _recording_columns(campaign: Campaign, case: Case) -> tuple[str, str, np.ndarray, float, int, int]:

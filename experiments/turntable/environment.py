@@ -75,7 +75,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     """Compute the table for the configured campaign. Raises ConfigError if the configuration sets options that the table does not use."""
     make_together(recordings(config, store, progress), config.jobs, progress)
     wanted_cases = operating_points.wanted(config)
-    result = score(config, read(config, sources(config, store, progress), partial(stored, progress=progress)))
+    result = score(config, read(config, sources(Campaign(config, store, progress)), partial(stored, progress=progress)))
     points = {
         condition: stored(Campaign(condition.of(config), store, progress), wanted_cases, progress)
         for condition in operating_points.conditions(config)
@@ -85,15 +85,14 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
     check(config)
-    campaigns, wanted_cases = sources(config, store, progress), operating_points.wanted(config)
+    campaigns, wanted_cases = sources(Campaign(config, store, progress)), operating_points.wanted(config)
     parts = [campaigns[side].missing([(SIDES[side], case)]) for side, case in wanted(config, campaigns)]
     parts += [Campaign(condition.of(config), store, progress).missing(wanted_cases) for condition in operating_points.conditions(config)]
     return joined(parts)
 
 
-def sources(config: Config, store: Store, progress: Progress) -> dict[str, Campaign]:
+def sources(usual: Campaign) -> dict[str, Campaign]:
     """Return the campaign of each side. The simulated room of the side `uniform` is of plasterboard."""
-    usual = Campaign(config, store, progress)
     return dict.fromkeys(SIDES, usual) | {"uniform": usual.with_materials(UniformMaterials())}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ def test_a_recording_loads() -> None:
     assert recording.iq.shape == (2, 2, 2, 4, 64)
     assert recording.sensor_poses is not None
     np.testing.assert_allclose(recording.sensor_poses[1, :3, 3], [0, 0.01, 1])
-    assert np.abs(recording.iq).max() > 100 * recording.scale
+    assert np.abs(recording.iq).max() > 100 * (recording.scale or 0)
 
 
 def test_a_scene_loads() -> None:
@@ -53,7 +54,7 @@ def test_an_entry_of_the_benchmark_loads() -> None:
 
 
 def test_options_in_yaml_files_compose() -> None:
-    config = compose(["experiment=mine"], [FILES / "conf"])
+    config: Any = compose(["experiment=mine"], [FILES / "conf"])
     assert (config.scene.name, config.scene.size_m, config.radar.num_samples, config.trajectory.period_s, config.profile.resamples) == (
         "lab", [5.0, 4.0, 2.5], 128, 50.0, 50,
     )  # fmt: skip

@@ -46,7 +46,7 @@ def campaign_of(config: Config) -> Campaign:
 
 def frame_of(config: Config) -> frame.Frame:
     """Return the frame of the table `environment`, which the store keeps."""
-    return environment.read(config, campaign_of(config), partial(frame.stored, progress=Progress(quiet=True)))
+    return environment.read(config, environment.sources(campaign_of(config)), partial(frame.stored, progress=Progress(quiet=True)))
 
 
 @pytest.fixture(scope="module")

@@ -129,7 +129,8 @@ def rows(name: str) -> list[dict[str, Any]]:
 
 
 def main() -> None:
-    np.savez_compressed(SAMPLES, **{name: simulate() for name, simulate in SIMULATIONS.items()})
+    samples: dict[str, Any] = {name: simulate() for name, simulate in SIMULATIONS.items()}
+    np.savez_compressed(SAMPLES, **samples)
     lines = (f'"{name}": [\n' + ",\n".join(json.dumps(row) for row in rows(name)) + "\n]" for name in TABLES)
     ROWS.write_text("{\n" + ",\n".join(lines) + "\n}\n")
 
