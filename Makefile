@@ -48,7 +48,7 @@ mutants: setup-test llvm
 
 # Build the documentation site with the executed tutorial and the reference, in build/docs.
 docs: setup-test llvm
-	@$(PY) docs/site/build.py
+	@$(PY) docs/site/build_site.py
 
 bench: llvm
 	@$(PY) -m experiments.speed.bench --history

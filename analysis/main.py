@@ -7,7 +7,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from analysis import index, registry, report
+from analysis import registry, report, table_runs
 from analysis import tables as writers
 from radartwin.config.compose import compose, path_override
 from radartwin.config.config import Config
@@ -33,16 +33,17 @@ def tables(profile: str, only: list[str] | None, output: Path) -> int:
     registry.check(only or [])
     if absent := [name for name in STUDY_PACKAGES if importlib.util.find_spec(name) is None]:
         raise MissingError(f"radartwin tables needs {' and '.join(absent)}; run pip install -c constraints.txt -e '.[study]'")
-    for name in index.FORMS:  # a damaged file of the index stops the command here, before the first run
-        index.read(output, name)
+    for name in table_runs.FORMS:  # a damaged file of the index stops the command here, before the first run
+        table_runs.read(output, name)
     for part in ("tables", "figures", "report"):
         files.sweep(files.make_folder(output / part))
-    files.drop_stale(output / "tables" / index.LOCK)
+    files.drop_stale(output / "tables" / table_runs.LOCK)
     names = only or registry.of_profile(profile)
-    kept = [name for name in names if index.unchanged(output, name, profile)]
+    kept = [name for name in names if table_runs.unchanged(output, name, profile)]
     made, counts = _run([name for name in names if name not in kept], profile, output)
     counts.stored |= {(RUN, name) for name in kept}
-    page = report.path(output) if len(kept) == len(names) and index.report_unchanged(output) else write_report(output, fresh=kept + made)
+    unchanged = len(kept) == len(names) and table_runs.report_unchanged(output)
+    page = report.path(output) if unchanged else write_report(output, fresh=kept + made)
     print(f"tables: {len(kept + made)} written, {counts}; report: {page}")
     return 0 if len(kept + made) == len(names) else 1
 
@@ -104,7 +105,7 @@ def _made(config: Config, overrides: Sequence[str], output: Path, progress: Prog
         raise
     except Exception as error:
         traceback.print_exc()
-        index.add_failure(output, table.name, run_key(config), profile, error)
+        table_runs.add_failure(output, table.name, run_key(config), profile, error)
         return table.name, None
     write(table, result, profile, output)
     said = summary(result)
@@ -127,7 +128,7 @@ def write(table: Table, result: Result, profile: str, output: Path) -> None:
         style.save(figure, output / "figures" / name)
     if table.chart:
         files.write_atomically(output / "figures" / f"{table.name}_page.html", table.chart(result.rows))
-    index.add_table(output, table.name, result.run_key, profile, sorted(result.figures))
+    table_runs.add_table(output, table.name, result.run_key, profile, sorted(result.figures))
 
 
 def write_report(output: Path, fresh: Sequence[str] = (), current: Callable[[str, str, Path], str] | None = None) -> Path:
@@ -142,10 +143,10 @@ def write_report(output: Path, fresh: Sequence[str] = (), current: Callable[[str
     Raises:
         MissingError: the folder has no table.
     """
-    if not any(name in index.read(output, part) for part in index.FORMS for name in registry.NAMES):
+    if not any(name in table_runs.read(output, part) for part in table_runs.FORMS for name in registry.NAMES):
         raise MissingError(f"{output / 'tables'}: there are no tables to report; run radartwin tables first")
-    with index.lock(output):
-        entries, failures = index.read(output, index.INDEX), index.read(output, index.FAILURES)
+    with table_runs.lock(output):
+        entries, failures = table_runs.read(output, table_runs.INDEX), table_runs.read(output, table_runs.FAILURES)
 
         def is_current(name: str, entry: dict) -> bool:
             return name in fresh or entry["run_key"] == (current or _current)(name, entry["profile"], output)
@@ -166,7 +167,7 @@ def write_report(output: Path, fresh: Sequence[str] = (), current: Callable[[str
             if names := [section.table.name for section in sections if section.absent == state]:
                 print(f"{state}: {', '.join(names)}")
         page = report.write(sections, output)
-        index.add_report(output)
+        table_runs.add_report(output)
         return page
 
 

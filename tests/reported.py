@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from analysis import index, main, registry
+from analysis import main, registry, table_runs
 from experiments.speed.chart_page import COSTS, ERRORS
 from experiments.speed.methods import DEFAULT, OURS
 from radartwin.plotting import style
@@ -70,7 +70,7 @@ def write(output: Path, figures: Mapping[str, Callable[[], Any]] | None = None) 
     main.write(registry.table("gallery"), Result("gallery", [row(claim="", verdict="")], pair, run_key=KEY), "quick", output)
     main.write(registry.table("speed_accuracy"), Result("speed_accuracy", methods(), {}, run_key=KEY), "quick", output)
     main.write(registry.table("stability"), Result("stability", [row(metric="an old figure")], {}, run_key=OLD_KEY), "paper", output)
-    index.add_failure(output, "positioning", KEY, "paper", RuntimeError(f"a cell {HOSTILE}\nand more"))
+    table_runs.add_failure(output, "positioning", KEY, "paper", RuntimeError(f"a cell {HOSTILE}\nand more"))
     return report(output)
 
 

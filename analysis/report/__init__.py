@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from analysis.report import folder, markup, origin, rooms
+from analysis.report import markup, origin, publish, room_pages
 from analysis.report.content import FAILED, MISSING, STALE, Section
 
 __all__ = ["FAILED", "MISSING", "STALE", "Section", "path", "write"]
@@ -21,7 +21,7 @@ __all__ = ["FAILED", "MISSING", "STALE", "Section", "path", "write"]
 
 def path(output: Path) -> Path:
     """Return the path of the report's first page, index.html, in the output folder."""
-    return output / "report" / folder.INDEX
+    return output / "report" / publish.INDEX
 
 
 def write(sections: Sequence[Section], output: Path) -> Path:
@@ -34,10 +34,10 @@ def write(sections: Sequence[Section], output: Path) -> Path:
         MissingError: a file of a table is missing or damaged.
         OutputError: the folder cannot be written.
     """
-    with folder.staged(output / "report") as staged:
+    with publish.staged(output / "report") as staged:
         for section in sections:
             for part, file in section.files():
                 staged.take(file, part)
-        pages = rooms.write(staged)
+        pages = room_pages.write(staged)
         made_from = origin.of(sections, output)
         return staged.publish(lambda parts: markup.page(sections, pages, made_from, parts))

@@ -15,7 +15,7 @@ from analysis.pages import paper_tables
 from analysis.registry import TESTBED_NOTE
 from analysis.report.content import ABSENT, LINKED, Section, figure
 from analysis.report.origin import Origin
-from analysis.report.rooms import RoomPage
+from analysis.report.room_pages import RoomPage
 from analysis.tables import slug
 from radartwin.io.one_line import plural
 from radartwin.runs.experiment import LIMITS, VERDICTS

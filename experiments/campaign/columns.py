@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 
 from experiments.campaign.cases import RAIL, REFLECTOR, ROVER, Case
-from radartwin.features import cloud, doppler, envelope, families, track
+from radartwin.features import cloud, doppler, envelope, families, peak_track
 from radartwin.features.extent import AZIMUTH_RAD
 from radartwin.features.log import Log, Nominal, angles, distances
-from radartwin.features.pictures import picture
 from radartwin.features.processed import Processed
 from radartwin.features.profile import FAR_M, NEAR_M, gate
+from radartwin.features.range_time import picture
 from radartwin.features.signature import signature
 from radartwin.radar.processing import steering
 
@@ -76,12 +76,12 @@ def _whole(processed: Processed, log: Log, target_m: float) -> Columns:
 
 def _rail(case: Case, processed: Processed, log: Log) -> Columns:
     nominal = distances(log, processed.num_frames)
-    low, high = nominal.min() - track.SEARCH_M, nominal.max() + track.SEARCH_M
+    low, high = nominal.min() - peak_track.SEARCH_M, nominal.max() + peak_track.SEARCH_M
     return {
         "frame_rate_hz": log.frame_rate_hz,
         "nominal_m": nominal,
-        "continuous": track.track(processed, low, high, log.frame_rate_hz),
-        "brightest": track.brightest(processed, low, high),
+        "continuous": peak_track.track(processed, low, high, log.frame_rate_hz),
+        "brightest": peak_track.brightest(processed, low, high),
     }
 
 
@@ -92,7 +92,7 @@ def _features(processed: Processed, log: Log, name: str) -> Columns:
 
 def _drive(case: Case, processed: Processed, log: Log) -> Columns:
     nominal = distances(log, processed.num_frames)
-    along = track.around(processed, nominal, log.frame_rate_hz)
+    along = peak_track.around(processed, nominal, log.frame_rate_hz)
     clouds = cloud.detections(processed)
     names, values = families.frames(processed, log, case.motion)
     return {

@@ -25,7 +25,7 @@ from experiments.claims import RowList
 from experiments.drawing import range_map
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
-from radartwin.features import envelope, track
+from radartwin.features import envelope, peak_track
 from radartwin.features.processed import Processed
 from radartwin.features.profile import gate_energies, multipath_share, profile_correlation
 from radartwin.io.progress import Progress
@@ -189,7 +189,7 @@ def _add_rows(rows: RowList, case: Case, recordings: dict[str, tuple[str, Proces
     for domain, (key, processed) in recordings.items():
         log = logs[domain]
         nominal = np.asarray(log.distance_m, float)
-        path = track.around(processed, nominal, log.frame_rate_hz)
+        path = peak_track.around(processed, nominal, log.frame_rate_hz)
         energy = gate_energies(processed.power, processed.range_m, nominal)[0]
         add(LABELS[domain], "range of the target less the log's (mm)", 1e3 * float(np.average(path - nominal, weights=energy)), [key])
         add(LABELS[domain], "multipath share", multipath_share(processed.power, processed.range_m, nominal), [key])

@@ -22,7 +22,7 @@ from radartwin.io.one_line import plural
 from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
-from radartwin.recordings.checks import difference
+from radartwin.recordings.examine import difference
 from radartwin.recordings.index import INDEX, Row
 from radartwin.recordings.recording_set import RecordingSet
 from radartwin.scene.objects.catalogue import catalogue

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from radartwin.scene.scene import Surface
-from radartwin.simulation.backends.track import Track
+from radartwin.simulation.backends.track_paths import Track
 from radartwin.simulation.paths import Paths
 
 FEW = 10  # with fewer frames, paths between object and room are traced at each frame, not at the track's thirty shared positions

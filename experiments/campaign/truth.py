@@ -30,7 +30,7 @@ from radartwin.scene.objects.assortment import every_object
 from radartwin.scene.scene import Scene, Surface
 from radartwin.simulation.aspects import SHADOW_ASPECTS, SHADOW_ROUND, Aspects, needed
 from radartwin.simulation.backends.mitsuba import TraceSettings
-from radartwin.simulation.backends.track import Track
+from radartwin.simulation.backends.track_paths import Track
 from radartwin.simulation.signal.synthesis import received
 from radartwin.simulation.simulate import simulate
 from radartwin.store.recent import Recent
@@ -97,7 +97,7 @@ def record(case: Case, config: Config) -> Recording | Turned:
     fine = gaps.solver > 0
     settings = TraceSettings(
         max_bounces=testbed.TRUTH_BOUNCES if fine else 4,
-        # drives keep one tube per square wavelength, because moving paths along the track (simulation/backends/track.py) has a larger
+        # drives keep one tube per square wavelength, because moving paths along the track (simulation/backends/track_paths.py) has a larger
         # error than the one that finer tubes would remove
         rays_per_wavelength2=testbed.TRUTH_RAYS_PER_WAVELENGTH2 if fine and case.motion not in ROVER else 1.0,
         coupled_rays_per_wavelength2=0.5 if fine else 1.0,  # docs/decisions/017-run-time-of-tables.md has the errors

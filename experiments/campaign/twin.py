@@ -26,12 +26,12 @@ from radartwin.config.materials import MaterialsConfig
 from radartwin.config.simulator import AutoSimulator, MitsubaSimulator
 from radartwin.config.study import FeaturesConfig
 from radartwin.features.sets import feature_set
-from radartwin.label.sources import material_source, without_fragments
+from radartwin.label.material_sources import material_source, without_fragments
 from radartwin.radar.recording import Recording
 from radartwin.scene import rooms
 from radartwin.scene.objects.assortment import every_object
 from radartwin.scene.scene import Scene
-from radartwin.simulation.backends.track import Track, straight
+from radartwin.simulation.backends.track_paths import Track, straight
 from radartwin.simulation.signal.synthesis import received, thermal_noise
 from radartwin.simulation.simulate import simulate
 from radartwin.store.digest import spec_digest

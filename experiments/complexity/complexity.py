@@ -24,8 +24,8 @@ from experiments.speed.machine import machine
 from radartwin.adaptive import limits as limits_module
 from radartwin.adaptive.choice import Choice, choose
 from radartwin.adaptive.limits import Limits
-from radartwin.adaptive.model import DEFAULT, FINEST, Model
 from radartwin.adaptive.probe import Probe, thinned
+from radartwin.adaptive.scene_settings import DEFAULT, FINEST, Model
 from radartwin.builders.radar import build_radar
 from radartwin.builders.recording import build_setup
 from radartwin.builders.simulator import MOTION_FAMILIES, families_of

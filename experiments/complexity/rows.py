@@ -14,7 +14,7 @@ from experiments.claims import BELOW, NONE, Claim, row
 from experiments.complexity import timing
 from experiments.statistics import Estimate, bootstrap, exact
 from radartwin.adaptive.choice import Choice
-from radartwin.adaptive.model import LADDER, Model
+from radartwin.adaptive.scene_settings import LADDER, Model
 from radartwin.config.config import Config
 from radartwin.features.sets import SETS
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure

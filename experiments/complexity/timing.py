@@ -17,8 +17,8 @@ import numpy as np
 
 from experiments.speed.machine import machine
 from experiments.speed.measuring import clock
-from radartwin.adaptive.model import DEFAULT, Model
 from radartwin.adaptive.probe import Probe
+from radartwin.adaptive.scene_settings import DEFAULT, Model
 from radartwin.store import array_cache
 from radartwin.store.products import Store, save_json
 

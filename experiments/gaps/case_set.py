@@ -19,7 +19,7 @@ from radartwin.config.config import Config
 from radartwin.config.materials import MaterialsConfig, TrueMaterials
 from radartwin.config.study import GapConfig
 from radartwin.errors import ConfigError
-from radartwin.features import envelope, track
+from radartwin.features import envelope, peak_track
 from radartwin.features.log import Log, distances
 from radartwin.features.processed import Processed, process
 from radartwin.features.profile import FAR_M, GATE_BINS, NEAR_M, gate_energies, multipath_share, profile_correlation
@@ -126,7 +126,7 @@ def read(key: str, processed: Processed, log: Log) -> Reading:
         room_db=decibels(float(np.sum(processed.power[:, inside], where=room, dtype=np.float64)) / count),
         multipath=multipath_share(processed.power, processed.range_m, nominal),
         harmonic_ratio=ratio,
-        track_m=track.around(processed, nominal, log.frame_rate_hz),
+        track_m=peak_track.around(processed, nominal, log.frame_rate_hz),
         energy=in_gate,
         noise_db=decibels(float(np.median(processed.noise_floor))),
         zero_db=decibels(float(processed.power[:, processed.range_m <= ZERO_M].mean())),

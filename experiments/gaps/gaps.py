@@ -1,7 +1,7 @@
 """The table `gaps`: agreement of simulation and virtual measurement with all gaps off, and the effect of each gap alone.
 
 A gap is one kind of difference between virtual measurement (testbed) and simulation, set by measured.gap. In the rows of a gap, this gap
-has strength 1 and all other gaps are off. The paper profile also uses strength 2. The predicted effects are in experiments/gaps/claims.py.
+has strength 1 and all other gaps are off. The paper profile also uses strength 2. experiments/gaps/predictions.py predicts the effects.
 
 A table row of the paper profile is the mean over DRAWS random draws of the gap; the quick profile has one draw. The solver gap always has
 one draw, because nothing about it is random. Roughness moves power from the specular reflection to diffuse scatter, so the echo power of a
@@ -30,7 +30,7 @@ from experiments.claims import BELOW, NONE, Claim
 from experiments.drawing import legend_above
 from experiments.gaps import case_set
 from experiments.gaps.case_set import CASES, FILLED, GAPS, GROUPS, METAL, Reading
-from experiments.gaps.claims import expected
+from experiments.gaps.predictions import expected
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress

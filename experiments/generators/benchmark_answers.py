@@ -22,7 +22,7 @@ import numpy as np
 
 from experiments.speed import problems as speed
 from experiments.validation.oracles import fullwave, furnished
-from radartwin.benchmark import answers
+from radartwin.benchmark import frozen
 from radartwin.features.profile import FAR_M, NEAR_M
 from radartwin.io import files
 from radartwin.radar.chirp import Radar
@@ -97,7 +97,7 @@ def problems() -> Iterator[speed.Problem]:
     yield rooms()
 
 
-def frozen(problem: speed.Problem) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+def arrays_and_entry(problem: speed.Problem) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """Return the arrays of a problem's file and the problem's entry in answers.json."""
     arrays: dict[str, np.ndarray] = {}
     scenarios: dict[str, list[dict[str, Any]]] = {}
@@ -134,20 +134,20 @@ def _radar(radar: Radar) -> dict[str, Any]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Write the frozen problems and answers of the benchmark.")
-    parser.add_argument("--output", type=Path, default=answers.FOLDER, help="folder of the files (default: the package's)")
+    parser.add_argument("--output", type=Path, default=frozen.FOLDER, help="folder of the files (default: the package's)")
     folder = parser.parse_args().output
     if not fullwave.GIVEN.is_dir():
         parser.error(f"the reference data {fullwave.GIVEN} are missing; copy them, because they hold nine of the full-wave rooms")
     entries = {}
     for problem in problems():
-        arrays, entry = frozen(problem)
-        content = answers.packed(arrays)
+        arrays, entry = arrays_and_entry(problem)
+        content = frozen.packed(arrays)
         files.write_atomically(folder / entry["file"], content)
         name = entry["file"].removesuffix(".npz")
         entries[name] = {"title": entry["title"], "sha256": hashlib.sha256(content).hexdigest(), **entry}
         print(f"{name}: {len(entry['scenarios'])} scenarios, {len(content):,} bytes", flush=True)
-    index = {"format": answers.FORMAT, "version": VERSION, "licence": "Apache-2.0", "problems": entries}
-    files.write_atomically(folder / answers.INDEX, json.dumps(index, indent=1) + "\n")
+    index = {"format": frozen.FORMAT, "version": VERSION, "licence": "Apache-2.0", "problems": entries}
+    files.write_atomically(folder / frozen.INDEX, json.dumps(index, indent=1) + "\n")
 
 
 if __name__ == "__main__":

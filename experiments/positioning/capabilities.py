@@ -98,7 +98,7 @@ def _scanned_room() -> tuple[str, bool]:
 def _labelled() -> tuple[str, bool]:
     """Check that the vision-language model's recorded answers map to materials of the package, and that every category has a material."""
     from radartwin import materials
-    from radartwin.label.sources import material_source
+    from radartwin.label.material_sources import material_source
     from radartwin.materials.minc import MINC, names_in
     from radartwin.scene import rooms
 
@@ -113,7 +113,7 @@ def _no_measurement() -> tuple[str, bool]:
     """Check that no module that reconstructs scenes, assigns materials or simulates imports a module that reads measured recordings."""
     from radartwin.sources import closure
 
-    reached = closure(("radartwin.reconstruct.build", "radartwin.label.sources", "radartwin.simulation.simulate"))
+    reached = closure(("radartwin.reconstruct.build", "radartwin.label.material_sources", "radartwin.simulation.simulate"))
     return "yes", not any(name.startswith(("radartwin.recordings", "radartwin.testbed")) for name in reached)
 
 

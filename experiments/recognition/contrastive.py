@@ -24,7 +24,7 @@ from experiments.cells import Cell, first_draw, keys, table_rows
 from experiments.claims import NONE, Claim
 from experiments.draws import Query
 from experiments.recognition.copies import Copied
-from experiments.recognition.figures import bars, embedding_map, grouped, values
+from experiments.recognition.plots import bars, embedding_map, grouped, values
 from experiments.recognition.protocol import GEOMETRY, MATERIAL, Scored, anchors, correct, encoders, read, scaled, settings
 from experiments.recognition.readings import FEATURES, MOTION, revolutions, without
 from radartwin.config.config import Config

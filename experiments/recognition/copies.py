@@ -25,8 +25,8 @@ from radartwin.builders.simulator import fixed_simulator, simulator_options
 from radartwin.config.config import Config
 from radartwin.features import families
 from radartwin.features.log import angles
-from radartwin.features.pictures import picture
 from radartwin.features.processed import MAX_RANGE_M
+from radartwin.features.range_time import picture
 from radartwin.io.progress import Progress
 from radartwin.radar.processing import range_axis
 from radartwin.recognize import randomise
@@ -37,7 +37,7 @@ from radartwin.scene.objects.assortment import every_object
 from radartwin.store.products import Store, save_arrays
 
 ROOTS = [
-    "radartwin.features.families", "radartwin.features.pictures", "radartwin.recognize.augment", "radartwin.recognize.randomise",
+    "radartwin.features.families", "radartwin.features.range_time", "radartwin.recognize.augment", "radartwin.recognize.randomise",
     "radartwin.builders.simulator", "experiments.recognition.copies",
 ]  # fmt: skip
 NEAR_TARGET_M = 0.75  # largest distance of a stored echo from the nominal range of the target; farther echoes are below -60 dB

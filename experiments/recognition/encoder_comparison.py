@@ -28,7 +28,7 @@ from experiments.cells import Cell, keys, table_rows
 from experiments.claims import NONE, Claim
 from experiments.draws import Query
 from experiments.recognition.copies import Copied
-from experiments.recognition.figures import bars, grouped, label_curve, values
+from experiments.recognition.plots import bars, grouped, label_curve, values
 from experiments.recognition.protocol import (
     ECHOES,
     LOOKS,

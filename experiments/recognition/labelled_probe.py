@@ -32,7 +32,7 @@ from experiments.claims import Claim
 from experiments.draws import Part, Query, numbers
 from experiments.recognition import copies
 from experiments.recognition.copies import Copied
-from experiments.recognition.figures import Panels, bars, confusions, grouped, values
+from experiments.recognition.plots import Panels, bars, confusions, grouped, values
 from experiments.recognition.protocol import (
     RECORDINGS,
     Scored,

@@ -30,8 +30,8 @@ from experiments.cells import Cell, Estimator, first_draw, keys, mean, per, tabl
 from experiments.claims import NONE, Claim
 from experiments.recognition import labelled_probe
 from experiments.recognition.encoder_comparison import few_shot_hits
-from experiments.recognition.figures import grouped, label_curve
 from experiments.recognition.labelled_probe import PRETRAINED, RAW, RIVAL
+from experiments.recognition.plots import grouped, label_curve
 from experiments.recognition.protocol import (
     GEOMETRY,
     LEAST_GAIN,

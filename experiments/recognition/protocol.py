@@ -16,7 +16,7 @@ from experiments.cells import Cell, keys, table_rows
 from experiments.claims import EQUAL, NONE, Claim
 from experiments.draws import Query
 from experiments.recognition.copies import Copied, copies
-from experiments.recognition.figures import Panels, bars, confusions, grouped, values
+from experiments.recognition.plots import Panels, bars, confusions, grouped, values
 from experiments.statistics import (
     BINOMIAL,
     SHARE,

@@ -17,7 +17,7 @@ from experiments.cells import Cell, keys, table_rows
 from experiments.draws import Query
 from experiments.recognition import copies
 from experiments.recognition.copies import Copied
-from experiments.recognition.figures import bars, grouped, values
+from experiments.recognition.plots import bars, grouped, values
 from experiments.recognition.protocol import compared_trainings, read
 from experiments.recognition.readings import MOTION, revolutions
 from radartwin.config.config import Config

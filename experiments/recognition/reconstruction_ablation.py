@@ -26,7 +26,7 @@ from experiments.cells import Cell
 from experiments.claims import Claim
 from experiments.draws import Part, Query
 from experiments.recognition import transfer
-from experiments.recognition.figures import Panels
+from experiments.recognition.plots import Panels
 from experiments.recognition.protocol import FLOOR_ONLY, SHAPE, Scored, accuracy_result, correct, sign_test, statistics_columns
 from experiments.recognition.readings import by_side
 from experiments.statistics import share

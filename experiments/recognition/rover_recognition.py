@@ -22,7 +22,7 @@ from experiments.cells import Cell, keys, table_rows
 from experiments.claims import NONE, Claim, Row
 from experiments.draws import Query
 from experiments.recognition import transfer
-from experiments.recognition.figures import Panels, bars, confusions, grouped
+from experiments.recognition.plots import Panels, bars, confusions, grouped
 from experiments.recognition.protocol import MATERIAL, NO_SESSIONS, SHAPE, Scored, at_chance, correct, seeds
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress

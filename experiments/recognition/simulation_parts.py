@@ -22,8 +22,8 @@ from experiments.cells import Cell, keys, table_rows
 from experiments.draws import Part, Query
 from experiments.recognition import copies
 from experiments.recognition.copies import Copied
-from experiments.recognition.figures import bars, grouped, values
 from experiments.recognition.labelled_probe import RIVAL, rf_genesis
+from experiments.recognition.plots import bars, grouped, values
 from experiments.recognition.protocol import TEXT, compared_trainings, read
 from experiments.recognition.readings import MOTION, by_side, revolutions, without
 from radartwin.config.config import Config

@@ -18,7 +18,7 @@ from experiments.cells import Cell
 from experiments.claims import NONE, Claim
 from experiments.draws import Query
 from experiments.recognition.copies import Copied
-from experiments.recognition.figures import Panels
+from experiments.recognition.plots import Panels
 from experiments.recognition.protocol import (
     GEOMETRY,
     MATERIAL,

@@ -26,13 +26,13 @@ from experiments.cells import Cell, keys, table_rows
 from experiments.claims import Claim
 from experiments.draws import Query
 from experiments.recognition.copies import Copied
-from experiments.recognition.figures import bars, grouped, values
+from experiments.recognition.plots import bars, grouped, values
 from experiments.recognition.protocol import Scored, anchors, read, scaled, seeds, settings
 from experiments.recognition.readings import MOTION, revolutions
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.recognize.adaptation import skewed, weighted_statistics
-from radartwin.recognize.alignment import Alignment, align
+from radartwin.recognize.continued_training import Alignment, align
 from radartwin.recognize.encoder import Encoder, nearest_text, text_scores
 from radartwin.recognize.probes import repeatability
 from radartwin.recognize.samples import Samples, Unlabelled

@@ -11,8 +11,8 @@ from experiments.scans.true_surfaces import Sighted
 from radartwin.benchmark.signal_error import compare
 from radartwin.radar.chirp import Radar
 from radartwin.reconstruct.build import distinct_views
-from radartwin.reconstruct.distance import Nearest, covered
 from radartwin.reconstruct.frames.frames import Frames
+from radartwin.reconstruct.mesh_distance import Nearest, covered
 from radartwin.scene.scene import Scene
 from radartwin.scene.trajectories.trajectory import look_at
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings

@@ -20,8 +20,8 @@ from experiments.scans import virtual_scan
 from experiments.statistics import Estimate
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
-from radartwin.label.score import CLOSE_DB, Judged, accuracy_table, judge
-from radartwin.label.sources import material_source, without_fragments
+from radartwin.label.material_score import CLOSE_DB, Judged, accuracy_table, judge
+from radartwin.label.material_sources import material_source, without_fragments
 from radartwin.runs.experiment import Result, Table
 from radartwin.scene import rooms
 from radartwin.scene.scene import Scene

@@ -14,7 +14,7 @@ import trimesh
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from radartwin.reconstruct.distance import covered, spread
+from radartwin.reconstruct.mesh_distance import covered, spread
 from radartwin.scene.scene import Scene, Surface
 
 SPACING_M = 0.04  # distance between samples, on the scan and on the true surfaces

@@ -38,7 +38,7 @@ from radartwin.scene.rooms.parts import GAP, Bench
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation import variant as variant_module
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
-from radartwin.simulation.backends.track import Track
+from radartwin.simulation.backends.track_paths import Track
 from radartwin.simulation.signal.synthesis import received, synthesize
 
 PATHS, FRAME_PATHS, DIRECT_PATHS = 100_000, 5_000, 1_000

@@ -23,7 +23,7 @@ from experiments.claims import BELOW, NONE, Claim, within
 from experiments.drawing import DOMAIN_STYLES, legend_above
 from experiments.draws import Query
 from radartwin.config.config import Config
-from radartwin.features import track
+from radartwin.features import peak_track
 from radartwin.features.align import overlap
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, figure
@@ -79,7 +79,7 @@ def cells(frame: Frame) -> Iterator[Cell]:
             for domain in COMPARED:
                 of, at = both[both.domain == domain], {**case, "of": LABELS[domain]}
                 claim = NONE if not counted else AS_FAR if motion == "radial" else SHORT if domain == MEASURED else NONE
-                moved, expected = of[tracker].map(track.excursion), of.nominal_m.map(track.excursion)
+                moved, expected = of[tracker].map(peak_track.excursion), of.nominal_m.map(peak_track.excursion)
                 yield Cell(at, "excursion (m)", of, mean(moved, statistics.POSITIVE), Claim(paper=PAPER[motion, domain]))
                 yield Cell(at, "excursion less the rail's (m)", of, mean(moved - expected), claim)
             case["of"] = "both"
@@ -87,7 +87,7 @@ def cells(frame: Frame) -> Iterator[Cell]:
             shapes = [statistics.correlation(*overlap(measured, twin, 0)) for measured, twin in tracks]
             claim = SHAPE if counted and motion == "radial" else NONE
             yield Cell(case, "shape correlation", both, mean(shapes, statistics.SIGNED, statistics.FISHER), claim)
-            shorter = [track.excursion(measured) - track.excursion(twin) for measured, twin in tracks]
+            shorter = [peak_track.excursion(measured) - peak_track.excursion(twin) for measured, twin in tracks]
             yield Cell(case, "measured less simulated excursion (m)", both, mean(shorter))
 
 

@@ -36,9 +36,9 @@ from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.radar.chirp import Radar
 from radartwin.radar.process_capture import process_capture
 from radartwin.reconstruct.build import reconstruct
-from radartwin.reconstruct.distance import Nearest, covered
 from radartwin.reconstruct.frames.layouts import load_frames
 from radartwin.reconstruct.fusion.fusion import fuse
+from radartwin.reconstruct.mesh_distance import Nearest, covered
 from radartwin.reconstruct.scan_file import load_scan
 from radartwin.runs.experiment import Result, Table
 from radartwin.scene import objects

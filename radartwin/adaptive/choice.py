@@ -18,7 +18,7 @@ from typing import Any, Protocol
 from numpy.typing import NDArray
 
 from radartwin.adaptive.limits import Limits
-from radartwin.adaptive.model import FINEST, LADDER, Model, cheaper
+from radartwin.adaptive.scene_settings import FINEST, LADDER, Model, cheaper
 from radartwin.errors import InputError
 
 HALF = 0.5  # fraction of the remaining tolerance that one dimension may use in the first round

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
-from radartwin.adaptive.model import Model
+from radartwin.adaptive.scene_settings import Model
 from radartwin.features import families as feature_families
 from radartwin.features.log import Log, Nominal
 from radartwin.features.processed import Processed, process

@@ -29,7 +29,7 @@ from radartwin.features.envelope import HARMONICS
 from radartwin.features.log import Nominal
 from radartwin.features.processed import Processed, process
 from radartwin.features.profile import FAR_M, NEAR_M
-from radartwin.recognize.own.copies import feature_rows
+from radartwin.recognize.own.copied_rows import feature_rows
 from radartwin.recognize.own.object_list import OwnObject
 from radartwin.recognize.randomise import Randomisation, echoes_alone
 from radartwin.recognize.samples import SIMULATED, Part
@@ -44,7 +44,7 @@ from radartwin.store.products import Store, save_arrays
 
 REVOLUTION, COPIES = "revolution", "revolution_copies"  # kinds of stored results
 ROOTS = ["radartwin.builders.recording", "radartwin.features.processed"]
-COPIES_ROOTS = ["radartwin.recognize.own.copies", "radartwin.builders.revolutions"]
+COPIES_ROOTS = ["radartwin.recognize.own.copied_rows", "radartwin.builders.revolutions"]
 FEWEST_FRAMES = 2 * HARMONICS + 1  # the highest harmonic of a revolution needs more than two frames per cycle
 
 

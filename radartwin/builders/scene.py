@@ -18,8 +18,8 @@ from radartwin.config.materials import MaterialsConfig, UniformMaterials
 from radartwin.config.scene import ROOMS, ScanScene, SceneConfig
 from radartwin.errors import ConfigError
 from radartwin.io.one_line import plural
-from radartwin.label.labels import belongs_to_room
-from radartwin.label.sources import material_source
+from radartwin.label.material_sources import material_source
+from radartwin.label.surface_labels import belongs_to_room
 from radartwin.scene import objects, rooms
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.storage import MANIFEST, scene_folder
@@ -98,8 +98,8 @@ def add_layout(config: SceneConfig, room: Scene, sensor_pose: np.ndarray) -> Sce
         return room
     from radartwin.io.chat import Endpoint
     from radartwin.scene.layouts.layout import Layout
-    from radartwin.scene.layouts.model import read_sentence
     from radartwin.scene.layouts.place import furnish
+    from radartwin.scene.layouts.sentences import read_sentence
 
     if config.layout:
         return furnish(room, Layout.load(config.layout), sensor_pose)

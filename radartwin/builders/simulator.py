@@ -8,8 +8,8 @@ from typing import Any
 
 from radartwin.adaptive.choice import Choice, choose
 from radartwin.adaptive.limits import Limits
-from radartwin.adaptive.model import reduced
 from radartwin.adaptive.probe import Probe
+from radartwin.adaptive.scene_settings import reduced
 from radartwin.config.simulator import AutoSimulator, MitsubaSimulator, SimulatorConfig
 from radartwin.config.study import FeaturesConfig
 from radartwin.errors import ConfigError

@@ -18,7 +18,7 @@ def export_timeline(options: argparse.Namespace, capture: dict[str, Any]) -> int
     """
     from radartwin.io.progress import Progress
     from radartwin.radar.captures import load_capture
-    from radartwin.recordings.pictures import nanoseconds, read_pictures
+    from radartwin.recordings.camera_pictures import nanoseconds, read_pictures
     from radartwin.recordings.timeline import check_target, write_timeline
 
     options.resumes = False  # an interrupted timeline starts over, unlike an interrupted export of the campaign

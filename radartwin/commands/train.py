@@ -23,7 +23,7 @@ from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
 from radartwin.recognize.encoder import Settings
 from radartwin.recognize.own import stored
-from radartwin.recognize.own.copies import FEATURES, WITHOUT
+from radartwin.recognize.own.copied_rows import FEATURES, WITHOUT
 from radartwin.recognize.own.fitting import HeldOut, Training
 from radartwin.recognize.own.model_card import CARD, FREE_SPACE, TrainedOn
 from radartwin.recognize.own.object_list import OwnObject, anchors, read_objects

@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> int:
             raise ConfigError(f"run: --cfg prints one configuration; leave {'-m' if options.multirun else '--search'} out")
         return print_config(_all_overrides(options), options.config_dir)
     if options.search:
-        from radartwin.runs.search import SearchGoal, search
+        from radartwin.runs.optimise import SearchGoal, search
 
         if options.multirun:
             raise ConfigError("run: --search starts its own jobs; leave -m out")
@@ -127,7 +127,7 @@ def export(options: argparse.Namespace) -> int:
     from radartwin.runs import checkout
 
     refuse_timeline_options(options)
-    return checkout.module("experiments.campaign.export").export_verb(_all_overrides(options), options.config_dir, options.out)
+    return checkout.module("experiments.campaign.export_set").export_verb(_all_overrides(options), options.config_dir, options.out)
 
 
 def reconstruct(options: argparse.Namespace) -> int:

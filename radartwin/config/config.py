@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from radartwin.config.checks import MISSING, check_fields, choice, not_negative, unkeyed
+from radartwin.config.checked_fields import MISSING, check_fields, choice, not_negative, unkeyed
 from radartwin.config.materials import (
     MaterialsConfig,
     RandomMaterials,

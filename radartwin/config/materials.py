@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
-from radartwin.config.checks import check_fields, check_selector, choice, share
+from radartwin.config.checked_fields import check_fields, check_selector, choice, share
 
 
 @dataclass
@@ -23,7 +23,7 @@ class MaterialsConfig:
         check_fields(self, "materials")
 
     def arguments(self, seed: int) -> dict[str, Any]:
-        """Return the arguments with which `radartwin.label.sources.material_source` makes this source, except the source's name."""
+        """Return the arguments, except its name, with which `radartwin.label.material_sources.material_source` makes this source."""
         settings = {entry.name: getattr(self, entry.name) for entry in fields(self) if entry.name not in ("source", "code")}
         return settings | ({"seed": seed} if self.seeded else {})
 

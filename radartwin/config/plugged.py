@@ -108,7 +108,7 @@ def _schema(plugin: Plugin) -> type:
 
         owner, base, selector = simulator(plugin)[1], PluginSimulator, "backend"
     else:
-        from radartwin.label.sources import plugged_in as source
+        from radartwin.label.material_sources import plugged_in as source
 
         owner, base, selector = source(plugin), PluginMaterials, "source"
     inherited = {field.name for field in dataclasses.fields(base)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any
 
-from radartwin.config.checks import check_fields, choice, path_name
+from radartwin.config.checked_fields import check_fields, choice, path_name
 from radartwin.errors import ConfigError
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from radartwin.config.checks import check_fields, check_selector, choice, path_name, positive, triple, url
+from radartwin.config.checked_fields import check_fields, check_selector, choice, path_name, positive, triple, url
 from radartwin.errors import ConfigError
 
 ROOMS = ("lab", "atrium", "squash_court")

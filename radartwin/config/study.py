@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, ClassVar
 
-from radartwin.config.checks import check_fields, check_selector, choice, not_negative, number, path_name, positive, url
+from radartwin.config.checked_fields import check_fields, check_selector, choice, not_negative, number, path_name, positive, url
 from radartwin.config.scene import ROOMS
 from radartwin.errors import ConfigError
 from radartwin.features.sets import families

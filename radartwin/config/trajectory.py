@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from radartwin.config.checks import check_fields, check_selector, choice, finite, not_negative, path_name, positive, triple
+from radartwin.config.checked_fields import check_fields, check_selector, choice, finite, not_negative, path_name, positive, triple
 from radartwin.errors import ConfigError
 
 

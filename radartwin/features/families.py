@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radartwin import plugins
-from radartwin.features import envelope, extent, log, track, window
+from radartwin.features import envelope, extent, log, peak_track, window
 from radartwin.features.processed import Processed
 from radartwin.features.profile import FAR_M, NEAR_M, gate_energies, multipath_share
 from radartwin.features.sets import SETS, families, plugged_in
@@ -40,7 +40,7 @@ class _Recording:
 
     @cached_property
     def track_m(self) -> Real:
-        return track.around(self.processed, self.nominal_m, self.log.frame_rate_hz)
+        return peak_track.around(self.processed, self.nominal_m, self.log.frame_rate_hz)
 
     @cached_property
     def target_m(self) -> Real:
@@ -87,7 +87,8 @@ def _track(recording: _Recording, per_frame: bool) -> NamedValues:
     offset = recording.track_m - recording.nominal_m
     if per_frame:
         return ["track_offset_m"], offset[:, None]
-    return ["excursion_m", "track_offset_m", "track_spread_m"], np.array([track.excursion(recording.track_m), offset.mean(), offset.std()])
+    excursion_m = peak_track.excursion(recording.track_m)
+    return ["excursion_m", "track_offset_m", "track_spread_m"], np.array([excursion_m, offset.mean(), offset.std()])
 
 
 def _multipath(recording: _Recording, per_frame: bool) -> NamedValues:

@@ -17,8 +17,8 @@ from radartwin.errors import LabelError, OutputError
 from radartwin.io import untrusted_json
 from radartwin.io.files import make_folder
 from radartwin.label.answers import Answer
-from radartwin.label.place import Place
 from radartwin.label.questions import Question, prompt_digest
+from radartwin.label.surface_match import Place
 
 FORMAT = 1
 

@@ -16,13 +16,13 @@ from radartwin.io.files import check_folder, lock
 from radartwin.io.one_line import plural
 from radartwin.io.progress import Progress
 from radartwin.label.journal import Journal, Record
-from radartwin.label.labels import Label, belongs_to_room, labelled, write_labels
+from radartwin.label.material_sources import Uniform
 from radartwin.label.photos import load_photos
 from radartwin.label.question_folder import export, read_answers
 from radartwin.label.questions import Question, questions
 from radartwin.label.recorded import JOURNAL, Recorded, records_for
 from radartwin.label.server import DEFAULT_MODEL, DEFAULT_URL, KEY_VARIABLE, Server
-from radartwin.label.sources import Uniform
+from radartwin.label.surface_labels import Label, belongs_to_room, labelled, write_labels
 from radartwin.scene.scene import Scene
 from radartwin.scene.storage import MANIFEST
 

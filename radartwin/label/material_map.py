@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from radartwin.label.raster import Camera, Drawing
+from radartwin.label.z_buffer import Camera, Drawing
 from radartwin.materials.minc import CATEGORIES
 from radartwin.plotting import style
 from radartwin.scene.scene import Scene

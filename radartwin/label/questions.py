@@ -16,9 +16,9 @@ import numpy as np
 
 from radartwin.errors import LabelError
 from radartwin.label.answers import CONTENTS, Answer, Kind, read_answer, schema
+from radartwin.label.crops import Crop, Views
 from radartwin.label.photos import Photo
-from radartwin.label.place import Place, place_of
-from radartwin.label.views import Crop, Views
+from radartwin.label.surface_match import Place, place_of
 from radartwin.materials.itu import P2040
 from radartwin.materials.names import PERMITTIVITY
 from radartwin.scene.scene import Scene, Surface

@@ -10,8 +10,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from radartwin.live.birds_eye import map_limits, map_picture
 from radartwin.live.echoes import SHOWN_PATHS, LivePath, Spectra
-from radartwin.live.pictures import map_limits, map_picture
 from radartwin.live.playback import Playback
 from radartwin.live.setting import MATERIALS, MAX_BOUNCES
 from radartwin.live.tracing import LiveAnswer

@@ -17,7 +17,7 @@ import numpy as np
 
 from radartwin.errors import BackendError, SceneError
 from radartwin.io.serving import HOST, STEP_S, free_port, ignore_signals
-from radartwin.live.page import Page
+from radartwin.live.live_page import Page
 from radartwin.live.playback import Playback
 from radartwin.live.session import Session
 from radartwin.live.setting import split

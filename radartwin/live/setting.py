@@ -8,8 +8,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from radartwin.label.labels import belongs_to_room
-from radartwin.label.sources import SceneLabels, Uniform, Void
+from radartwin.label.material_sources import SceneLabels, Uniform, Void
+from radartwin.label.surface_labels import belongs_to_room
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import pose
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from radartwin.live.birds_eye import level_colours
 from radartwin.live.echoes import LivePath, span_db
-from radartwin.live.pictures import level_colours
 from radartwin.live.setting import Movable
 from radartwin.scene import objects
 from radartwin.scene.scene import Scene

@@ -2,7 +2,7 @@
 
 | capture | samples | radar |
 |---|---|---|
-| .bin of the DCA1000, in one or more files (radartwin.radar.dca1000) | as described (radartwin.radar.layouts) | given, or beside it |
+| .bin of the DCA1000, in one or more files (radartwin.radar.dca1000) | as described (radartwin.radar.word_order) | given, or beside it |
 | folder of the cascade's capture board (radartwin.radar.cascade_capture) | I before Q | given |
 | .npy cube, or .npz with the cube as `iq` and optional `poses` (F, 4, 4) | complex, or int16 with a last axis of I and Q | given |
 
@@ -31,9 +31,9 @@ from radartwin.io.one_line import plural
 from radartwin.radar import cascade_capture, dca1000, studio_log
 from radartwin.radar.chirp import Radar
 from radartwin.radar.description_files import present, read_json
-from radartwin.radar.layouts import FULL_SCALE, Layout
 from radartwin.radar.recording import Recording, gathered, recording_files
 from radartwin.radar.ti_files import Description
+from radartwin.radar.word_order import FULL_SCALE, Layout
 
 CUBES = (".npy", ".npz")  # suffixes of files with an array of samples
 EDGE_DB = 2.0  # smallest magnitude of band_edge_db that determines the sample order; real captures have 2.7 to 9.9 dB

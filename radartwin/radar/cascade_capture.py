@@ -24,7 +24,7 @@ from radartwin.errors import RecordingError
 from radartwin.radar.chirp import Radar
 from radartwin.radar.dca1000 import SampleFile, frame_bytes
 from radartwin.radar.description_files import present
-from radartwin.radar.layouts import Layout
+from radartwin.radar.word_order import Layout
 
 CHIPS = ("master", "slave1", "slave2", "slave3")
 _RECEIVERS = 4  # number of receivers of a chip

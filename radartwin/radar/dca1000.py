@@ -1,7 +1,7 @@
 """Read and write the raw data files of the capture card DCA1000.
 
 A file holds little-endian int16 words in the order frame, chirp (in the order of transmission), receiver, sample
-(radartwin.radar.layouts). The file has no header of its own. With the option of lvdsStreamCfg, the radar chip writes a header before the
+(radartwin.radar.word_order). The file has no header of its own. With the option of lvdsStreamCfg, the radar chip writes a header before the
 samples of each chirp. The header begins with the magic words DC 0A DA 0C DC 0A DA 0C, and its length depends on the firmware, so that the
 reader finds it from the distance of the magic words. Packets of user data have the same header and another length; the reader drops them.
 
@@ -25,7 +25,7 @@ from radartwin.errors import MissingError, RecordingError
 from radartwin.io import untrusted_json
 from radartwin.io.git_lfs import refuse_pointer
 from radartwin.radar.chirp import Radar
-from radartwin.radar.layouts import WORD, Layout
+from radartwin.radar.word_order import WORD, Layout
 
 PACKET_BYTES = 1456  # number of sample bytes in one packet of the DCA1000 capture card
 _COUNTERS = 10  # bytes of sequence number and byte count before the samples of a UDP packet

@@ -15,8 +15,8 @@ from typing import Any
 from radartwin.errors import MissingError, RecordingError
 from radartwin.io import untrusted_json, untrusted_yaml
 from radartwin.io.git_lfs import refuse_pointer
-from radartwin.radar.layouts import Layout
 from radartwin.radar.ti_files import Description, describe, parse_cfg, parse_studio
+from radartwin.radar.word_order import Layout
 
 
 def read_description(path: Path, board: str | None = None) -> Description:

@@ -50,8 +50,8 @@ from numpy.typing import NDArray
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
 from radartwin.radar.if_filter import IfFilter
-from radartwin.radar.layouts import FULL_SCALE
 from radartwin.radar.phase_noise import PhaseNoise, interpolation
+from radartwin.radar.word_order import FULL_SCALE
 
 _IWR1843_FILTER = IfFilter((175e3, 350e3))
 _NODES = (0.2, 0.55, 0.95)  # beat frequencies, as fractions of the band, for whose delays the simulation computes the phase error

@@ -27,7 +27,7 @@ from radartwin.radar import dca1000
 from radartwin.radar.chirp import Radar
 from radartwin.radar.description_files import present, read_json
 from radartwin.radar.field_checks import check_rigid
-from radartwin.radar.layouts import FULL_SCALE, Layout
+from radartwin.radar.word_order import FULL_SCALE, Layout
 
 _FORMAT = "radartwin recording 1"
 _PAIR = "a recording needs a .bin and a .json of the same name"

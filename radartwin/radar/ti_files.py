@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import RecordingError
 from radartwin.radar.boards import AWR2944EVM, BOARDS, GEOMETRY, IWR1642BOOST, IWR1843BOOST, IWR6843ISK, Board, board_of_channels
-from radartwin.radar.layouts import Layout
+from radartwin.radar.word_order import Layout
 
 # Transmit power of one transmitter without back-off in dBm, from the data sheets of IWR1843 (TI SWRS228) and IWR6843 (TI SWRS219).
 _MAX_POWER_DBM = 12.0

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radartwin.errors import InputError
-from radartwin.features import families, track
+from radartwin.features import families, peak_track
 from radartwin.features.log import Nominal
 from radartwin.features.processed import Processed, process
 from radartwin.features.profile import FAR_M, NEAR_M
@@ -84,8 +84,8 @@ def nominal(processed: Processed, recogniser: Recogniser, distance_m: float | No
     if recogniser.features.get("set") != _TURNS:
         if period_s is not None:
             raise InputError("a period is given, but the model is not for turntable recordings; leave the period out")
-        low, high = (NEAR_M, FAR_M) if distance_m is None else (distance_m - track.SEARCH_M, distance_m + track.SEARCH_M)
-        return Nominal(rate, np.clip(track.track(processed, low, high, rate), NEAR_M, FAR_M).astype(np.float64), None)
+        low, high = (NEAR_M, FAR_M) if distance_m is None else (distance_m - peak_track.SEARCH_M, distance_m + peak_track.SEARCH_M)
+        return Nominal(rate, np.clip(peak_track.track(processed, low, high, rate), NEAR_M, FAR_M).astype(np.float64), None)
     period = float(recogniser.features.get("period_s", 25.0)) if period_s is None else period_s
     if not 0 < period < np.inf:
         raise InputError(f"the period {period:g} s is not a finite time above zero; give the seconds of one revolution")

@@ -23,15 +23,15 @@ from radartwin.io.one_line import plural
 from radartwin.io.progress import Progress
 from radartwin.label.photos import FOLDER, INDEX, save_photos
 from radartwin.materials import Layered, check_name
-from radartwin.reconstruct.distance import farthest_points
 from radartwin.reconstruct.frames.frames import Frames, scan_digest
 from radartwin.reconstruct.frames.layouts import layout_of, load_frames
 from radartwin.reconstruct.fusion.agreement import check_agreement
 from radartwin.reconstruct.fusion.fusion import fuse
 from radartwin.reconstruct.fusion.monocular import DepthModel, with_depth
+from radartwin.reconstruct.mesh_distance import farthest_points
 from radartwin.reconstruct.outlines.assembly import assembled
+from radartwin.reconstruct.outlines.seen_points import Cameras
 from radartwin.reconstruct.outlines.surfaces import flattened
-from radartwin.reconstruct.outlines.visibility import Cameras
 from radartwin.reconstruct.scan_file import Axis, Unit, check_size, load_scan
 from radartwin.reconstruct.segmentation.segment import segmented
 from radartwin.scene.mesh_file import offset_m

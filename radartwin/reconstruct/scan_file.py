@@ -18,7 +18,7 @@ import numpy as np
 import trimesh
 
 from radartwin.errors import ScanError
-from radartwin.scene.checks import check_mesh
+from radartwin.scene.mesh_checks import check_mesh
 from radartwin.scene.mesh_file import METRES, TO_Z_UP, offset_m, read_meshes
 
 Unit = Literal["auto", "m", "cm", "mm", "in", "ft"]

@@ -24,7 +24,7 @@ from radartwin.radar.point_messages import FLOAT32, point_cloud2
 from radartwin.radar.power_maps import power_maps
 from radartwin.radar.processing import decibels
 from radartwin.radar.recording import Recording
-from radartwin.recordings.pictures import Picture
+from radartwin.recordings.camera_pictures import Picture
 
 WORLD, SENSOR, CAMERA = "world", "radar", "camera"  # frame ids
 PIXELS_PER_DB = 100.0

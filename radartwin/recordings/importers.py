@@ -23,8 +23,8 @@ from radartwin.radar import dca1000
 from radartwin.radar.captures import CUBES, few, load_capture
 from radartwin.radar.chirp import Radar
 from radartwin.radar.description_files import present
-from radartwin.radar.layouts import FULL_SCALE
 from radartwin.radar.recording import Recording
+from radartwin.radar.word_order import FULL_SCALE
 from radartwin.recordings import roverd
 from radartwin.recordings.card import CARD, KEYS, Card
 from radartwin.recordings.index import Row, describe, row_of

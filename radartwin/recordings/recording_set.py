@@ -33,7 +33,7 @@ from radartwin.radar.dca1000 import frame_bytes
 from radartwin.radar.description_files import present
 from radartwin.radar.recording import Recording, read_described, recording_files
 from radartwin.recordings.card import CARD, Card
-from radartwin.recordings.checks import difference, frame_poses, same_radar
+from radartwin.recordings.examine import difference, frame_poses, same_radar
 from radartwin.recordings.index import COLUMNS, INDEX, RECORDINGS, TRAJECTORIES, Row, describe, index_text, read_index
 from radartwin.scene.trajectories.file import read_track
 

@@ -33,8 +33,8 @@ from radartwin.radar.boards import IWR1642BOOST, IWR1843BOOST
 from radartwin.radar.captures import band_edge_db
 from radartwin.radar.chirp import Radar
 from radartwin.radar.description_files import present, read_json, read_yaml
-from radartwin.radar.layouts import Layout
 from radartwin.radar.recording import Recording, gathered
+from radartwin.radar.word_order import Layout
 
 CHANNEL = "iq"
 # Boards by the device names of xwr; AWR1843L is an AWR1843 without TX2.

@@ -21,7 +21,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.radar.power_maps import doppler_bins, range_bins
 from radartwin.radar.processing import range_axis, velocity_axis
 from radartwin.radar.recording import Recording
-from radartwin.recordings.pictures import Picture
+from radartwin.recordings.camera_pictures import Picture
 
 if TYPE_CHECKING:
     from mcap.writer import Writer

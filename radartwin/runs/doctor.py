@@ -52,7 +52,7 @@ def doctor(output: Path) -> int:
 def doctor_data(folder: Path) -> int:
     """Print the content of a recording set and all its problems. Return exit status 0 if the recording set can be used, else 2."""
     from radartwin.io.progress import Progress
-    from radartwin.recordings.checks import examine as examine_set
+    from radartwin.recordings.examine import examine as examine_set
 
     report = examine_set(folder, Progress())
     for kind, lines in (("note", report.notes), ("problem", report.problems)):

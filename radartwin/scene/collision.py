@@ -10,7 +10,7 @@ import numpy as np
 import trimesh
 
 from radartwin.errors import PoseError
-from radartwin.scene.checks import inside_solid, welded
+from radartwin.scene.mesh_checks import inside_solid, welded
 from radartwin.scene.scene import Scene
 
 CONTACT_M = 0.002  # shallower overlaps are ignored, because rounding and the flattening of scanned surfaces cause them

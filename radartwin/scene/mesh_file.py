@@ -39,7 +39,7 @@ from radartwin.io import untrusted_json
 from radartwin.io.files import inside
 from radartwin.io.git_lfs import refuse_pointer
 from radartwin.io.one_line import plural
-from radartwin.scene.checks import MAX_EXTENT_M
+from radartwin.scene.mesh_checks import MAX_EXTENT_M
 
 MESH_SUFFIXES = (".glb", ".ply", ".obj", ".stl")
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}  # length units of mesh files

@@ -11,7 +11,7 @@ import numpy as np
 
 from radartwin.errors import PoseError, SceneError
 from radartwin.materials import Layered
-from radartwin.scene.checks import MAX_EXTENT_M, inside_solid
+from radartwin.scene.mesh_checks import MAX_EXTENT_M, inside_solid
 from radartwin.scene.storage import read_scene, write_scene
 from radartwin.scene.surface import Surface
 

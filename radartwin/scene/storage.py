@@ -22,7 +22,7 @@ from radartwin.errors import MeshError, MissingError, SceneError
 from radartwin.io import untrusted_json
 from radartwin.io.files import write_atomically
 from radartwin.materials import Layered
-from radartwin.scene.checks import check_mesh
+from radartwin.scene.mesh_checks import check_mesh
 from radartwin.scene.mesh_file import offset_m, read_meshes
 from radartwin.scene.surface import Surface
 

@@ -12,7 +12,7 @@ import trimesh
 
 from radartwin.errors import MaterialError, SceneError
 from radartwin.materials import CORRELATION_M, Layered, check_name
-from radartwin.scene.checks import check_mesh
+from radartwin.scene.mesh_checks import check_mesh
 
 Role = Literal["auto", "object", "room"]
 
@@ -35,7 +35,7 @@ class Surface:
         role: "object" means that the surface is traced with wavelength-scale ray tubes, "room" with wide ray tubes; "auto" decides by size.
         provenance: where the material comes from (source, confidence, whether it is a substitute), stored in the scene's manifest.
         correlation_m: correlation length of the surface height in metres, which sets the directions of diffuse scattering
-            (`radartwin.materials.kirchhoff`).
+            (`radartwin.materials.scatter_lobe`).
     Raises:
         MeshError: the mesh is not a triangle mesh, is empty, has NaN vertices, or spans over 100 m.
         MaterialError: the material name is unknown, or the stack of layers is empty.

@@ -17,7 +17,7 @@ from radartwin.scene import objects, rooms
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.backends.trace_settings import TraceSettings
-from radartwin.simulation.backends.track import Track
+from radartwin.simulation.backends.track_paths import Track
 from radartwin.simulation.simulate import simulate
 
 

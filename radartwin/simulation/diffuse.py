@@ -44,8 +44,8 @@ import numpy as np
 from radartwin.compiled import compiled
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.materials import Layered, reflection
-from radartwin.materials.kirchhoff import ANGLES, COS_GRAZING, backscatter_lobe, lobe_width
 from radartwin.materials.roughness import ament
+from radartwin.materials.scatter_lobe import ANGLES, COS_GRAZING, backscatter_lobe, lobe_width
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
 from radartwin.simulation import poses as poses_module

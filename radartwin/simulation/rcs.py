@@ -7,10 +7,10 @@ from numpy.typing import ArrayLike
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import InputError, SceneError
 from radartwin.materials import Layered
-from radartwin.scene.checks import check_mesh, inside_solid
+from radartwin.scene.mesh_checks import check_mesh, inside_solid
 from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation import reflection_table, variant
-from radartwin.simulation.checks import check_option, check_positive, check_whole
+from radartwin.simulation.argument_checks import check_option, check_positive, check_whole
 from radartwin.simulation.curved import tube_grid, tubes
 from radartwin.simulation.hits import Antennas, TraceOptions
 

@@ -21,10 +21,10 @@ from radartwin.radar.dca1000 import frame_bytes, frame_shape
 from radartwin.radar.recording import Recording, recording_files
 from radartwin.scene.scene import Scene
 from radartwin.simulation import poses as poses_module
+from radartwin.simulation.argument_checks import check_option, check_whole
 from radartwin.simulation.backends.backend import Backend, paths_of_frames, resolve
 from radartwin.simulation.backends.mitsuba import MitsubaBackend
 from radartwin.simulation.backends.trace_settings import TraceSettings
-from radartwin.simulation.checks import check_option, check_whole
 from radartwin.simulation.geometry import MIN_AREA_M2
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal.synthesis import ELEMENTS, received, thermal_noise

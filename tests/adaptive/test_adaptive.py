@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from experiments.generators import repeatability
 from radartwin.adaptive.choice import Choice, choose
 from radartwin.adaptive.limits import PROFILE, SHIPPED, Limits, distances, measured
-from radartwin.adaptive.model import DEFAULT, LADDER, Model, cheaper, reduced
 from radartwin.adaptive.probe import ASPECTS, PLACES, thinned
+from radartwin.adaptive.scene_settings import DEFAULT, LADDER, Model, cheaper, reduced
 from radartwin.builders.recording import build_setup
 from radartwin.builders.simulator import MOTION_FAMILIES
 from radartwin.config.compose import compose

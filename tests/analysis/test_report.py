@@ -18,7 +18,7 @@ import pytest
 import reported
 
 from analysis import main, registry
-from analysis.report import folder, origin
+from analysis.report import origin, publish
 from analysis.report.content import Section
 from experiments.positioning import positioning
 from experiments.turntable import linear_rail
@@ -146,7 +146,7 @@ def test_second_report_has_equal_bytes_and_removes_leftovers(written: Path, tmp_
 
     first, parts = files(), _parts(output)
     (output / "report" / "parts-0123456789ab" / "figures").mkdir(parents=True)  # left by a process that was killed at its end
-    (output / "report" / folder.STAGE / "figures").mkdir(parents=True)  # left by a process that was killed earlier
+    (output / "report" / publish.STAGE / "figures").mkdir(parents=True)  # left by a process that was killed earlier
     (output / "report" / "notes.txt").write_text("the user's own")
     (parts / "figures" / "environment_curve.png").write_bytes(b"touched")
     reported.report(output)

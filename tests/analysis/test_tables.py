@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from analysis import index, main, registry, tables
+from analysis import main, registry, table_runs, tables
 from radartwin.config.study import TrackingConfig
 from radartwin.errors import ConfigError, InputError, MissingError
 from radartwin.runs.experiment import Result, Table, check_rows
@@ -101,19 +101,19 @@ def test_caption_notes_a_testbed_score_and_the_draws_of_new_rows_and_of_rows_rea
 def test_a_table_is_unchanged_until_profile_files_or_its_tracked_run_change(tmp_path: Path) -> None:
     result = Result("environment", [row()], {}, run_key="a" * 32)
     main.write(TABLE, result, "quick", tmp_path)
-    assert not index.unchanged(tmp_path, "environment", "quick"), "no tracking store holds the run"
+    assert not table_runs.unchanged(tmp_path, "environment", "quick"), "no tracking store holds the run"
     with Tracker(TrackingConfig(), tmp_path).run("environment", "a" * 32, "environment", {}):
         pass
-    assert index.unchanged(tmp_path, "environment", "quick")
-    assert not index.unchanged(tmp_path, "environment", "paper")
+    assert table_runs.unchanged(tmp_path, "environment", "quick")
+    assert not table_runs.unchanged(tmp_path, "environment", "paper")
     (tmp_path / "tables" / "environment.csv").write_text("touched")
-    assert not index.unchanged(tmp_path, "environment", "quick")
+    assert not table_runs.unchanged(tmp_path, "environment", "quick")
     main.write(TABLE, result, "quick", tmp_path)
-    index.add_failure(tmp_path, "environment", "b" * 32, "quick", ValueError("no"))
-    assert not index.unchanged(tmp_path, "environment", "quick")
+    table_runs.add_failure(tmp_path, "environment", "b" * 32, "quick", ValueError("no"))
+    assert not table_runs.unchanged(tmp_path, "environment", "quick")
     main.write(TABLE, result, "quick", tmp_path)
     (tmp_path / "tables" / "environment.tex").unlink()
-    assert not index.unchanged(tmp_path, "environment", "quick")
+    assert not table_runs.unchanged(tmp_path, "environment", "quick")
 
 
 ENTRY = '{{"environment": {{"run_key": "0", "profile": "quick", "figures": [{}]}}}}'

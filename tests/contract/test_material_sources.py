@@ -5,7 +5,7 @@ import pytest
 from displaced import displaced
 
 from radartwin.errors import ConfigError, LabelError, MaterialError, SceneError
-from radartwin.label.sources import SOURCES, MaterialSource, material_source
+from radartwin.label.material_sources import SOURCES, MaterialSource, material_source
 from radartwin.materials import Layered
 from radartwin.materials.minc import MINC
 from radartwin.scene import objects, rooms

@@ -19,7 +19,7 @@ from radartwin.config.compose import compose
 from radartwin.config.config import SCHEMAS
 from radartwin.config.plugged import GROUPS
 from radartwin.errors import ConfigError
-from radartwin.label.sources import material_source
+from radartwin.label.material_sources import material_source
 from radartwin.plugins import PluginError
 from radartwin.recognize.learners import LEARNERS, learner
 from radartwin.runs.run import run_key

@@ -14,7 +14,7 @@ from radartwin.config.messages import GONE
 from radartwin.errors import ConfigError
 from radartwin.radar.recording import Recording
 from radartwin.recognize.model import Recogniser
-from radartwin.recordings.checks import examine
+from radartwin.recordings.examine import examine
 from radartwin.recordings.recording_set import RecordingSet
 from radartwin.scene.scene import Scene
 

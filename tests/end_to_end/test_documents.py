@@ -21,7 +21,7 @@ from radartwin.commands.examples import EXAMPLES, FIRST_STEPS
 from radartwin.config.compose import combinations
 from radartwin.recordings.recording_set import RecordingSet
 from radartwin.runs import sweep
-from radartwin.runs.search import space
+from radartwin.runs.optimise import space
 from radartwin.scene import objects
 from radartwin.scene.scene import Scene, Surface
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.generators.questions import answered, asked
-from radartwin.label.labels import write_labels
+from experiments.generators.label_questions import answered, asked
+from radartwin.label.material_sources import Vlm
 from radartwin.label.questions import prompt_digest
 from radartwin.label.recorded import CHAIR, shipped, shipped_rooms
-from radartwin.label.sources import Vlm
+from radartwin.label.surface_labels import write_labels
 from radartwin.materials.minc import CATEGORIES
 from radartwin.reconstruct.build import reconstruct
 from radartwin.scene import rooms

@@ -10,8 +10,8 @@ from radartwin.features import doppler
 from radartwin.features.processed import process
 from radartwin.radar.captures import load_capture
 from radartwin.radar.chirp import Radar
-from radartwin.radar.layouts import Layout
 from radartwin.radar.process_capture import process_capture
+from radartwin.radar.word_order import Layout
 
 ROOM = "radar/iwr6843_static_room/iwr6843_frame_adc_data.bin"
 WALK = "radar/openradar_77ghz_frame/doppler_example_1.npy"

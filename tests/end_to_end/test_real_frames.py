@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from radartwin.reconstruct.distance import covered, to_mesh
 from radartwin.reconstruct.frames.frames import Frame, points, rescaled
 from radartwin.reconstruct.frames.layouts import load_frames
 from radartwin.reconstruct.fusion.fusion import fuse
+from radartwin.reconstruct.mesh_distance import covered, to_mesh
 from radartwin.reconstruct.scan_file import ScanWarning, load_scan
 
 SLAMBOOK_LENS = (518.0, 519.0, 325.5, 253.5)  # focal lengths and image centre in pixels, from the README of the data set

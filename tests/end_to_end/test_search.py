@@ -9,7 +9,7 @@ import own_experiment
 import pytest
 
 from radartwin.errors import ConfigError
-from radartwin.runs.search import space
+from radartwin.runs.optimise import space
 
 INTERVAL = "trajectory.height_m=interval(0.5,2.0)"
 

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from experiments.campaign import frame
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import Case, Motion, course, log
-from experiments.campaign.export import export
+from experiments.campaign.export_set import export
 from experiments.turntable import environment
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
@@ -22,10 +22,10 @@ from radartwin.errors import InputError, UserError
 from radartwin.features.envelope import frames_per_revolution
 from radartwin.io.progress import Progress
 from radartwin.radar.recording import Recording
-from radartwin.recordings.checks import examine
+from radartwin.recordings.examine import examine
 from radartwin.recordings.index import Row
 from radartwin.recordings.recording_set import RecordingSet
-from radartwin.simulation.backends.track import straight
+from radartwin.simulation.backends.track_paths import straight
 from radartwin.store.products import Store
 
 TINY = [

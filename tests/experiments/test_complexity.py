@@ -11,7 +11,7 @@ from experiments.complexity import complexity
 from experiments.complexity.rows import AUTO, FIXED, REFLECTOR, SHIPPED, CaseResult, chart, table
 from experiments.speed import campaign_methods, speed_accuracy
 from radartwin.adaptive.choice import Choice, Step
-from radartwin.adaptive.model import DEFAULT, FINEST, Model
+from radartwin.adaptive.scene_settings import DEFAULT, FINEST, Model
 from radartwin.config.compose import compose
 from radartwin.recognize.samples import MEASURED, SIMULATED, Samples
 from radartwin.runs.experiment import check_rows

@@ -13,7 +13,7 @@ import pytest
 from experiments import cells
 from experiments.campaign.cases import Case, Log
 from experiments.claims import Row
-from experiments.gaps import case_set, claims, gaps
+from experiments.gaps import case_set, gaps, predictions
 from experiments.scans import virtual_scan
 from experiments.statistics import Estimate
 from radartwin.config.compose import compose
@@ -104,7 +104,7 @@ def test_a_scan_at_strength_0_is_the_room_without_clutter(tmp_path: Path) -> Non
 def test_every_gap_has_claims_about_known_features_and_groups() -> None:
     known = set(case_set.moved(reading(STEADY), reading(STEADY)))
     for gap in case_set.GAPS:
-        expected = claims.expected(gap, 1.0)
+        expected = predictions.expected(gap, 1.0)
         assert expected
         for group, feature, claim in expected:
             assert group in case_set.GROUPS
@@ -113,7 +113,7 @@ def test_every_gap_has_claims_about_known_features_and_groups() -> None:
 
 
 def test_a_person_who_lowers_the_level_of_the_room_contradicts_the_claim() -> None:
-    (claim,) = (claim for group, feature, claim in claims.expected("person", 1.0) if (group, feature) == ("drive", "room level (dB)"))
+    (claim,) = (claim for group, feature, claim in predictions.expected("person", 1.0) if (group, feature) == ("drive", "room level (dB)"))
     verdicts = [claim.columns(Estimate(level, level, level, 1))["verdict"] for level in (-0.2, 0.2)]
     assert verdicts == ["contradicted", "supported"]
 

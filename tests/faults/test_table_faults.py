@@ -20,7 +20,7 @@ from disks import Disk
 from processes import started
 from reported import row
 
-from analysis import index, main, registry
+from analysis import main, registry, table_runs
 from radartwin.errors import OutputError
 from radartwin.plotting import style
 from radartwin.runs.experiment import Result
@@ -99,14 +99,14 @@ def test_tables_killed_at_random_moments_equal_those_of_a_run_without_kills(tmp_
 
 
 def test_two_concurrent_writers_of_tables_lose_no_index_entry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    read = index.read
+    read = table_runs.read
 
-    def slowly(output: Path, name: str) -> index.Entries:
+    def slowly(output: Path, name: str) -> table_runs.Entries:
         entries = read(output, name)
         time.sleep(0.2)  # the other process has time to write files that a race would lose
         return entries
 
-    monkeypatch.setattr(index, "read", slowly)
+    monkeypatch.setattr(table_runs, "read", slowly)
     names = ["backend_crosscheck", "stability", "validation"]
     tables = [registry.table(name) for name in names]
     with ThreadPoolExecutor(len(tables)) as pool:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from echoes import BIN_M, RADAR, echoes
 
-from radartwin.features import doppler, envelope, extent, families, track, window
+from radartwin.features import doppler, envelope, extent, families, peak_track, window
 from radartwin.features.log import Nominal as Log
 from radartwin.features.processed import Processed, process
 from radartwin.features.sets import SETS
@@ -101,9 +101,9 @@ def test_track_of_an_approach_is_exact_at_any_scale_and_speed(
     frames: int, start_m: float, speed_mps: float, scale: float, error_m: float
 ) -> None:
     along = start_m - speed_mps * np.arange(frames) / RADAR.frame_rate_hz
-    tracked = track.around(process(echoes(frames, [(scale, lambda t: start_m - speed_mps * t)])), along, RADAR.frame_rate_hz)
+    tracked = peak_track.around(process(echoes(frames, [(scale, lambda t: start_m - speed_mps * t)])), along, RADAR.frame_rate_hz)
     assert tracked == pytest.approx(along, abs=error_m)
-    assert track.excursion(tracked) == pytest.approx(speed_mps * (frames - 1) / RADAR.frame_rate_hz, abs=2 * error_m)
+    assert peak_track.excursion(tracked) == pytest.approx(speed_mps * (frames - 1) / RADAR.frame_rate_hz, abs=2 * error_m)
 
 
 def test_track_is_the_power_weighted_mean_of_two_echoes_in_one_gate() -> None:
@@ -111,7 +111,7 @@ def test_track_is_the_power_weighted_mean_of_two_echoes_in_one_gate() -> None:
     made = process(echoes(1, [(2e-3, AXIS_M), (1e-3, AXIS_M + 40 * BIN_M)]))
     near, far = made.power[0], np.roll(made.power[0], -38)
     mixed = replace(made, power=((near + far) * (made.range_m < 2))[None], noise=None)
-    assert track.track(mixed, 0.8, 1.3, RADAR.frame_rate_hz)[0] == pytest.approx(AXIS_M + 2 * BIN_M / 5, abs=1e-3)
+    assert peak_track.track(mixed, 0.8, 1.3, RADAR.frame_rate_hz)[0] == pytest.approx(AXIS_M + 2 * BIN_M / 5, abs=1e-3)
 
 
 def test_track_follows_a_fading_target_past_a_stronger_flash() -> None:
@@ -125,9 +125,9 @@ def test_track_follows_a_fading_target_past_a_stronger_flash() -> None:
 
     made = process(echoes(frames, [(fading, lambda t: 1.2 + 0.1 * t), (flash, 1.65)], noise=1e-4))
     along = 1.2 + 0.1 * np.arange(frames) / RADAR.frame_rate_hz
-    tracked = track.track(made, 0.9, 1.9, RADAR.frame_rate_hz)
+    tracked = peak_track.track(made, 0.9, 1.9, RADAR.frame_rate_hz)
     assert np.abs(tracked - along).max() < 0.05
-    assert np.abs(track.brightest(made, 0.9, 1.9) - along).max() > 0.2  # the brightest bin of each frame jumps
+    assert np.abs(peak_track.brightest(made, 0.9, 1.9) - along).max() > 0.2  # the brightest bin of each frame jumps
 
 
 def test_window_has_the_energy_of_echoes_at_their_distance_from_the_target() -> None:
@@ -207,7 +207,7 @@ def test_radial_velocity_is_finer_than_a_doppler_bin() -> None:
     velocity = doppler.radial_velocity(made, back_and_forth(time))
     assert velocity[time < 1.95] == pytest.approx(0.2, abs=0.01)
     assert velocity[time > 2.0] == pytest.approx(-0.2, abs=0.01)
-    tracked = track.around(made, back_and_forth(time), RADAR.frame_rate_hz)
+    tracked = peak_track.around(made, back_and_forth(time), RADAR.frame_rate_hz)
     difference = velocity - doppler.range_rate(tracked, RADAR.frame_rate_hz)
     assert np.sqrt(np.mean(difference**2)) < 0.06  # the straight line through nine frames smooths the turning point of the motion
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from echoes import BIN_M, RADAR, echoes
 
-from radartwin.features.pictures import COLUMNS, ROWS, SHAPE, flattened, picture, sector_weights
 from radartwin.features.processed import Processed, process
+from radartwin.features.range_time import COLUMNS, ROWS, SHAPE, flattened, picture, sector_weights
 from radartwin.features.signature import signature
 
 FRAMES = 48

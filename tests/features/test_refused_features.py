@@ -11,7 +11,7 @@ from echoes import RADAR, echoes
 from test_features import AXIS_M, FRAMES, Log, angle, at_rest
 
 from radartwin.errors import ConfigError, InputError, RecordingError
-from radartwin.features import align, doppler, envelope, families, normalise, pictures, profile, sets, track
+from radartwin.features import align, doppler, envelope, families, normalise, peak_track, profile, range_time, sets
 from radartwin.features.processed import Processed, process
 
 AXIS = np.arange(200) * 0.05  # 0 to 9.95 m
@@ -40,7 +40,7 @@ ROWS: list[tuple[type[Exception], str, Callable[[], object]]] = [
     (InputError, "not a revolution", lambda: envelope.revolution(np.ones(32), angle()[:32])),
     (InputError, "turn in one direction", lambda: envelope.revolution(np.ones(128), np.concatenate([angle(), angle()]))),
     (InputError, "not above the noise", lambda: envelope.brightness_db(-np.ones(60), np.full(60, AXIS_M))),
-    (InputError, "frame 1 is searched", lambda: track.track(MADE, np.array([0.5, 5.8, 0.5]), np.array([1.0, 6.0, 1.0]), 10.0)),
+    (InputError, "frame 1 is searched", lambda: peak_track.track(MADE, np.array([0.5, 5.8, 0.5]), np.array([1.0, 6.0, 1.0]), 10.0)),
     (InputError, "three frames", lambda: doppler.range_rate(np.ones(2), 10.0)),
     (InputError, "without Doppler", lambda: doppler.radial_velocity(TURN, 1.0)),
     (ConfigError, r"features\.name=spin is unknown; options: rotation, depth, lateral, raw", vector(at_rest(3, 1.0), "spin")),
@@ -53,9 +53,9 @@ ROWS: list[tuple[type[Exception], str, Callable[[], object]]] = [
     (InputError, "not finite", lambda: normalise.fit_map(np.full((3, 2), np.nan), np.zeros((3, 2)))),
     (InputError, "same features", fitted((3, 2), (3, 1))),
     (InputError, "same features", fitted((0, 2), (3, 2))),
-    (InputError, "not a revolution", lambda: pictures.picture(TURN, angle() / 2, 1.0)),
-    (InputError, "no energy", lambda: pictures.picture(replace(TURN, channels=np.zeros_like(TURN.channels)), angle(), 1.0)),
-    (InputError, "too few", lambda: pictures.picture(TURN, angle(), 1.0, rows=1)),
+    (InputError, "not a revolution", lambda: range_time.picture(TURN, angle() / 2, 1.0)),
+    (InputError, "no energy", lambda: range_time.picture(replace(TURN, channels=np.zeros_like(TURN.channels)), angle(), 1.0)),
+    (InputError, "too few", lambda: range_time.picture(TURN, angle(), 1.0, rows=1)),
     *((InputError, r"0\.3 and 5\.5 m", lambda at=at: profile.gate_energies(POWER, AXIS, at)) for at in (0.2, 5.6, np.nan, [1.0, 1.0, 6.0])),
     (InputError, "do not fit", lambda: profile.gate_energies(POWER, AXIS, [1.0, 1.0])),
     (InputError, "do not fit", lambda: profile.gate_energies(POWER, AXIS[1:], 1.0)),

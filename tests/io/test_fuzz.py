@@ -30,7 +30,7 @@ from radartwin.reconstruct.frames.folder import load_own
 from radartwin.reconstruct.frames.frames import Frames
 from radartwin.reconstruct.frames.layouts import load_frames
 from radartwin.reconstruct.scan_file import load_scan
-from radartwin.recordings.checks import examine
+from radartwin.recordings.examine import examine
 from radartwin.recordings.mapping import read_mapping
 from radartwin.recordings.recording_set import RecordingSet
 from radartwin.scene import rooms

@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 from displaced import displaced
 
-from experiments.generators.questions import replace_answers
+from experiments.generators.label_questions import replace_answers
 from radartwin.errors import LabelError, MissingError, SceneError
 from radartwin.label.answers import Answer, Kind, interior, material_of, read_answer
 from radartwin.label.journal import Journal, Record
-from radartwin.label.labels import answer_label
-from radartwin.label.place import Place, matches, overlap, place_of
+from radartwin.label.material_score import accuracy_table, judge, wilson
 from radartwin.label.question_folder import export, read_answers
 from radartwin.label.questions import Question, prompt_digest, questions
 from radartwin.label.recorded import (
@@ -32,7 +31,8 @@ from radartwin.label.recorded import (
     shipped,
     shipped_rooms,
 )  # fmt: skip
-from radartwin.label.score import accuracy_table, judge, wilson
+from radartwin.label.surface_labels import answer_label
+from radartwin.label.surface_match import Place, matches, overlap, place_of
 from radartwin.materials import Layered, reflection
 from radartwin.materials.minc import MINC
 from radartwin.reconstruct.frames.folder import save_frames

@@ -17,10 +17,10 @@ from trimesh.visual import ColorVisuals, TextureVisuals
 from experiments.speed.machine import peak_gib
 from radartwin.errors import InputError, MissingError, PoseError
 from radartwin.label.answers import FINISH_WORDS
+from radartwin.label.crops import OUTLINE, Crop, Views, outlined
 from radartwin.label.photos import load_photos, save_photos
 from radartwin.label.questions import LOOKS, MEANINGS, facts, prompt, prompt_digest, questions
-from radartwin.label.raster import Camera, Drawing
-from radartwin.label.views import OUTLINE, Crop, Views, outlined
+from radartwin.label.z_buffer import Camera, Drawing
 from radartwin.materials.minc import CATEGORIES
 from radartwin.scene import objects, rooms
 from radartwin.scene.scene import Scene, Surface

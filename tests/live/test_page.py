@@ -15,7 +15,7 @@ from processes import wait_until
 
 import radartwin as rt
 from radartwin.live.controls import Controls
-from radartwin.live.page import Page
+from radartwin.live.live_page import Page
 from radartwin.live.playback import Playback
 from radartwin.live.setting import split
 from radartwin.live.tracing import LiveTracer

@@ -103,7 +103,7 @@ visible | ~geometry.scene.ray_test(ray).numpy() | np.ones(len(distance), bool) |
 negated | -copies.amplitude | copies.amplitude | a hidden scatterer echoes twice
 _blocked | obstacle.rotation @ sensor[:, :3, :3] | sensor[:, :3, :3] | obstacles do not turn
 
-materials/kirchhoff: physics/test_kirchhoff
+materials/scatter_lobe: physics/test_kirchhoff
 cross_section | (tangential2 + along**2) ** 2 | along**4 | the obliquity factor is missing
 _series | n * log_g - g[i] | n * log_g | the limit of small roughness for every roughness
 _series | t[i] / n | t[i] | all orders have the lobe of the first order
@@ -206,7 +206,7 @@ group_paths | close[pairs.frame] | close.any() | one pose close to an object unc
 simulation/flat/legs: physics/test_coupling
 _lines | level.conjugate() | level | a leg is not conjugated
 
-simulation/backends/track: physics/test_places
+simulation/backends/track_paths: physics/test_places
 _carry | shift[f, i] | -shift[f, i] | paths move the wrong way along the track
 _carry | total -= turned * velocity[f, i] | total += turned * velocity[f, i] | approaching reads as receding
 _points | poses[:, :3, 2] | poses[:, :3, 0] | a radar that rolls has the polarisation of its first pose
@@ -261,7 +261,7 @@ Hardware.leaked | -self.line_loss_db / 20 | -self.line_loss_db / 10 | line loss 
 Hardware.digitised | 1 - np.conj(error) | 1 + np.conj(error) | the mixer's image is as strong as the echo
 Hardware.leakage | apart + self.feed_m | apart | leakage does not pass the feed lines
 
-radar/layouts: radar/test_dca1000
+radar/word_order: radar/test_dca1000
 Layout.samples | (second, first) if self.q_first else (first, second) | (first, second) | Q is always read as I
 Layout.samples | words << (16 - self.bits) >> (16 - self.bits) | words | short words have no sign
 
@@ -340,13 +340,13 @@ gate_spectrum | spectrum - noise | spectrum | noise widens the target
 features/window: features/test_features
 energies | np.arange(BINS + 1) - BINS / 2 | np.arange(BINS + 1) | the window starts at the target
 
-features/track: features/test_features
+features/peak_track: features/test_features
 _weighted | np.maximum(processed.power - processed.noise_floor, 0.0) * near | near * 1.0 | the track ignores power
 
 features/signature: features/test_features
 signature | np.fft.fftshift(levels(power), axes=0) | levels(power) | zero Doppler lies at the edge of the signature
 
-features/pictures: features/test_pictures
+features/range_time: features/test_pictures
 sector_weights | np.minimum(apart, frames - apart) | apart | the revolution of a picture does not close
 picture | rows // 2 - kept // 2 | 0 | zero Doppler of a short revolution is not in the middle row
 

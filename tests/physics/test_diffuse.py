@@ -13,7 +13,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
 from radartwin.simulation import diffuse, geometry, variant
 from radartwin.simulation.backends.trace_settings import TraceSettings
-from radartwin.simulation.backends.track import Track
+from radartwin.simulation.backends.track_paths import Track
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal.synthesis import synthesize
 

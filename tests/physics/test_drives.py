@@ -9,7 +9,7 @@ from radartwin.scene import objects, rooms
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.backends.mitsuba import TraceSettings
 from radartwin.simulation.backends.static_scene import StaticScene
-from radartwin.simulation.backends.track import Track, along_line
+from radartwin.simulation.backends.track_paths import Track, along_line
 from radartwin.simulation.signal.synthesis import received
 from radartwin.simulation.simulate import trace_paths
 from radartwin.testbed.motion_errors import RoverErrors, rover

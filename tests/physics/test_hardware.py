@@ -10,9 +10,9 @@ from radartwin.features.profile import beyond_target_share
 from radartwin.radar.chirp import Radar
 from radartwin.radar.hardware import Hardware
 from radartwin.radar.if_filter import IfFilter
-from radartwin.radar.layouts import FULL_SCALE
 from radartwin.radar.phase_noise import PhaseNoise
 from radartwin.radar.recording import Recording
+from radartwin.radar.word_order import FULL_SCALE
 from radartwin.scene import objects, rooms
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories import trajectory

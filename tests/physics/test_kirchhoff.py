@@ -6,7 +6,7 @@ from scipy.integrate import quad
 from scipy.special import j0
 
 from radartwin.materials import Layered, reflection
-from radartwin.materials.kirchhoff import ANGLES, backscatter_lobe, cross_section, lobe_width, scattered_lobe
+from radartwin.materials.scatter_lobe import ANGLES, backscatter_lobe, cross_section, lobe_width, scattered_lobe
 from radartwin.simulation import diffuse
 
 FREQUENCY_HZ = 77e9

@@ -13,7 +13,7 @@ from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.backends import mitsuba
 from radartwin.simulation.backends.backend import paths_of_frames
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
-from radartwin.simulation.backends.track import SPACING_M, TURNED_RAD, Track, closest, covering
+from radartwin.simulation.backends.track_paths import SPACING_M, TURNED_RAD, Track, closest, covering
 from radartwin.simulation.signal.synthesis import received
 from radartwin.simulation.simulate import trace_paths
 from radartwin.store import array_cache

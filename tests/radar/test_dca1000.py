@@ -7,7 +7,7 @@ import pytest
 from made_files import refused
 
 from radartwin.errors import RecordingError
-from radartwin.radar.layouts import Layout
+from radartwin.radar.word_order import Layout
 
 # One chirp of each of two transmitters, with two receivers and two samples; the sample is 100 tx + 10 rx + n, and its Q is that + 1000 j.
 IQ = np.array([[[[complex(i := 100 * tx + 10 * rx + n, -i - 1000) for n in range(2)] for rx in range(2)] for tx in range(2)]])

@@ -12,8 +12,8 @@ from radartwin.radar.array_table import read_array
 from radartwin.radar.captures import load_capture
 from radartwin.radar.chirp import Radar
 from radartwin.radar.studio_log import read_log
+from radartwin.recordings.camera_pictures import Picture
 from radartwin.recordings.mapping import read_mapping
-from radartwin.recordings.pictures import Picture
 from radartwin.scene.trajectories.file import read_track
 
 ARRAYS = [

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from class_rows import text_vectors
 
-from radartwin.recognize.alignment import Alignment, align, copy_noise
+from radartwin.recognize.continued_training import Alignment, align, copy_noise
 from radartwin.recognize.encoder import Encoder, Settings, nearest_text, text_scores
 from radartwin.recognize.probes import standardised
 from radartwin.recognize.samples import MEASURED, SIMULATED, Part, Samples, gather

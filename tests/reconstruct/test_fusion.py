@@ -8,10 +8,10 @@ import trimesh
 from trimesh.visual import ColorVisuals
 
 from radartwin.reconstruct.build import _centred
-from radartwin.reconstruct.distance import Nearest, to_mesh
 from radartwin.reconstruct.frames.frames import Frame, Frames
 from radartwin.reconstruct.fusion import fusion
 from radartwin.reconstruct.fusion.fusion import fuse, holes
+from radartwin.reconstruct.mesh_distance import Nearest, to_mesh
 from radartwin.reconstruct.scan_file import ScanWarning
 from radartwin.testbed.scanner.walk import look_along
 

@@ -18,8 +18,8 @@ from radartwin.reconstruct.outlines import outline
 from radartwin.reconstruct.outlines.assembly import ERROR_M, simplified
 from radartwin.reconstruct.outlines.complete import complete
 from radartwin.reconstruct.outlines.flatten import regular
+from radartwin.reconstruct.outlines.seen_points import Cameras, Sight
 from radartwin.reconstruct.outlines.surfaces import flattened
-from radartwin.reconstruct.outlines.visibility import Cameras, Sight
 from radartwin.reconstruct.segmentation import masks
 from radartwin.reconstruct.segmentation.grid import Grid
 from radartwin.reconstruct.segmentation.segment import segmented

@@ -14,7 +14,7 @@ from radartwin.reconstruct.outlines.surfaces import flattened
 from radartwin.reconstruct.segmentation import coplanar
 from radartwin.reconstruct.segmentation.bodies import with_bodies
 from radartwin.reconstruct.segmentation.colour import face_colours
-from radartwin.reconstruct.segmentation.faces import Faces, Segment, members
+from radartwin.reconstruct.segmentation.face_arrays import Faces, Segment, members
 from radartwin.reconstruct.segmentation.growing import grow
 from radartwin.reconstruct.segmentation.segment import plane_segment, segmented
 

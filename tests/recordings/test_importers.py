@@ -15,7 +15,7 @@ from radartwin.radar import dca1000
 from radartwin.radar.captures import load_capture
 from radartwin.radar.chirp import Radar
 from radartwin.radar.studio_log import PACKET_BYTES, find_log
-from radartwin.recordings.checks import examine
+from radartwin.recordings.examine import examine
 from radartwin.recordings.importers import find_captures, import_captures, key_values, read_capture
 from radartwin.recordings.mapping import CaptureMap, Entry, read_mapping
 from radartwin.recordings.recording_set import RecordingSet

@@ -16,7 +16,7 @@ from made_files import CARD, noise, refused
 
 from radartwin.errors import InputError, MissingError, OutputError, PoseError, RecordingError
 from radartwin.radar.chirp import Radar
-from radartwin.recordings.checks import examine
+from radartwin.recordings.examine import examine
 from radartwin.recordings.index import Row, index_text, read_index
 from radartwin.recordings.recording_set import RecordingSet
 

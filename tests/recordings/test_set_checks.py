@@ -13,7 +13,7 @@ from made_files import CARD, edit_json, noise
 
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
-from radartwin.recordings.checks import examine, zero_filled_frames
+from radartwin.recordings.examine import examine, zero_filled_frames
 from radartwin.recordings.index import Row
 from radartwin.recordings.recording_set import RecordingSet
 

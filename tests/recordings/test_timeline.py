@@ -19,7 +19,7 @@ import radartwin as rt
 from radartwin.errors import BackendError, InputError, OutputError
 from radartwin.radar.detection import point_clouds
 from radartwin.radar.power_maps import power_maps
-from radartwin.recordings.pictures import read_pictures
+from radartwin.recordings.camera_pictures import read_pictures
 from radartwin.recordings.timeline import frame_time_ns, write_timeline
 
 C = 299_792_458.0

@@ -9,8 +9,8 @@ from radartwin.config.compose import compose
 from radartwin.errors import ConfigError
 from radartwin.materials import Layered
 from radartwin.scene import objects
-from radartwin.scene.checks import welded
 from radartwin.scene.layouts.stock import from_mesh
+from radartwin.scene.mesh_checks import welded
 from radartwin.scene.mesh_file import MeshWarning, read_meshes
 from radartwin.scene.objects import vessels
 from radartwin.scene.objects.assortment import assortment, every_object

@@ -13,7 +13,7 @@ from radartwin.materials import Layered, roughness_m
 from radartwin.materials.minc import CATEGORIES
 from radartwin.radar.chirp import Radar
 from radartwin.scene import objects, rooms, textures
-from radartwin.scene.checks import inside_solid
+from radartwin.scene.mesh_checks import inside_solid
 from radartwin.scene.rooms.parts import DETAILS, FINISHES
 from radartwin.scene.scene import Scene, Surface
 from radartwin.simulation.backends.static_scene import static_scene

@@ -13,7 +13,7 @@ from PIL import Image
 from trimesh.visual import ColorVisuals
 
 from radartwin import cli
-from radartwin.label.raster import Camera, Drawing
+from radartwin.label.z_buffer import Camera, Drawing
 from radartwin.materials import Layered
 from radartwin.reconstruct.build import ScanOptions, reconstruct
 from radartwin.scene import objects, rooms

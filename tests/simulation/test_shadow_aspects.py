@@ -9,7 +9,7 @@ from radartwin.scene.objects.catalogue import catalogue
 from radartwin.scene.surface import Surface
 from radartwin.simulation.aspects import SHADOW_ASPECTS, SHADOW_ROUND, Aspects
 from radartwin.simulation.backends.trace_settings import TraceSettings
-from radartwin.simulation.backends.track import Track
+from radartwin.simulation.backends.track_paths import Track
 from radartwin.simulation.signal.synthesis import received
 
 

@@ -11,8 +11,8 @@ from ray_casting import first_hits
 from experiments.scans.accuracy import accuracy
 from radartwin.errors import PoseError, SceneError
 from radartwin.materials import Layered
-from radartwin.reconstruct.distance import Nearest
 from radartwin.reconstruct.frames.frames import points
+from radartwin.reconstruct.mesh_distance import Nearest
 from radartwin.scene import rooms
 from radartwin.scene.rooms import rectangle
 from radartwin.scene.scene import Scene, Surface

@@ -17,7 +17,7 @@ import numpy as np
 
 from radartwin.builders.recording import build_setup, simulate_setup
 from radartwin.builders.simulator import simulated_parts, simulator_options
-from radartwin.commands.demo.page import Picture, write_page
+from radartwin.commands.demo.demo_page import Picture, write_page
 from radartwin.config.compose import compose, path_override
 from radartwin.io import files
 from radartwin.io.one_line import plural

@@ -17,9 +17,9 @@ from pathlib import Path
 from radartwin.errors import LabelError, MissingError
 from radartwin.io.files import write_atomically
 from radartwin.label.journal import Journal, Record
-from radartwin.label.place import Place, matches
 from radartwin.label.questions import Question, prompt_digest
 from radartwin.label.recorded.digests import DIGESTS
+from radartwin.label.surface_match import Place, matches
 from radartwin.scene.scene import Scene
 
 SHIPPED = Path(__file__).resolve().parent
@@ -88,7 +88,7 @@ def shipped(room: str) -> tuple[Record, ...]:
     if not path.is_file() or hashlib.sha256(path.read_bytes()).hexdigest() != DIGESTS[room]:
         raise LabelError(
             f"{path} is not the file that ships with this version; install radartwin again, or record new answers in a checkout: "
-            f"python -m experiments.generators.questions {room} --answers FILE --model NAME --about TEXT"
+            f"python -m experiments.generators.label_questions {room} --answers FILE --model NAME --about TEXT"
         )
     return tuple(load_records(path))
 
@@ -144,7 +144,7 @@ def records_for(scene: Scene, folder: Path | None) -> list[Record]:
         if stale:
             raise LabelError(
                 f"{len(stale)} shipped answers about {room} belong to an earlier version of the questions; "
-                "answer the questions again: python -m experiments.generators.questions"
+                "answer the questions again: python -m experiments.generators.label_questions"
             )
         records += shipped(room)
     if not records:

@@ -1,5 +1,5 @@
 """The learner `convolution`: a small convolutional network. Its input is a picture of a turntable revolution with two channels
-(features/pictures.py).
+(features/range_time.py).
 
 Channel 0 of a picture (range over time) and channel 1 (range over Doppler frequency) have different rows. Each of the two input channels
 therefore has its own branch. A branch has three convolutions with 16, 32 and 32 output channels. A linear layer maps both branches together
@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radartwin.errors import InputError
-from radartwin.features.pictures import SHAPE
+from radartwin.features.range_time import SHAPE
 from radartwin.recognize.encoder import Settings
 from radartwin.recognize.learners.interface import Reads, TextClassifier, text_classifier
 from radartwin.recognize.split import Split

@@ -18,11 +18,11 @@ from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from radartwin.materials import Layered
-from radartwin.reconstruct.distance import Nearest, spread, to_mesh
+from radartwin.reconstruct.mesh_distance import Nearest, spread, to_mesh
 from radartwin.reconstruct.outlines.surfaces import Flat, Flattened
 from radartwin.reconstruct.segmentation.bodies import LEVEL, UPRIGHT
 from radartwin.reconstruct.segmentation.colour import face_rgb
-from radartwin.reconstruct.segmentation.faces import Segment
+from radartwin.reconstruct.segmentation.face_arrays import Segment
 from radartwin.reconstruct.segmentation.grid import Grid
 from radartwin.reconstruct.segmentation.masks import nearest
 from radartwin.scene.scene import Surface

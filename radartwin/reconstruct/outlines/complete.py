@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import binary_fill_holes
 
-from radartwin.reconstruct.outlines.visibility import Sight
+from radartwin.reconstruct.outlines.seen_points import Sight
 from radartwin.reconstruct.segmentation import masks
 from radartwin.reconstruct.segmentation.grid import Grid
 

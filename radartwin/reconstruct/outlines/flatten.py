@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
-from radartwin.reconstruct.segmentation.faces import Segment
+from radartwin.reconstruct.segmentation.face_arrays import Segment
 
 # a plane is rotated to a regular direction (upright, level or along the walls) if its normal is within this angle of the direction
 NEARLY = np.radians(1.5)

@@ -17,14 +17,14 @@ from scipy.spatial import KDTree
 from shapely import MultiPoint
 from shapely.geometry.base import BaseGeometry
 
-from radartwin.reconstruct.distance import covered
+from radartwin.reconstruct.mesh_distance import covered
 from radartwin.reconstruct.outlines import outline
 from radartwin.reconstruct.outlines.complete import Completed, complete, spanned, within
 from radartwin.reconstruct.outlines.flatten import regular
-from radartwin.reconstruct.outlines.visibility import Cameras, Sight
+from radartwin.reconstruct.outlines.seen_points import Cameras, Sight
 from radartwin.reconstruct.segmentation import masks
 from radartwin.reconstruct.segmentation.bodies import contacts, owners, room_bounds
-from radartwin.reconstruct.segmentation.faces import Faces, Segment, members, thinned
+from radartwin.reconstruct.segmentation.face_arrays import Faces, Segment, members, thinned
 from radartwin.reconstruct.segmentation.grid import Grid
 
 CELL_M = 0.02

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.cluster.hierarchy import DisjointSet
 from scipy.spatial import KDTree
 
-from radartwin.reconstruct.segmentation.faces import Faces, Segment, members, thinned
+from radartwin.reconstruct.segmentation.face_arrays import Faces, Segment, members, thinned
 from radartwin.reconstruct.segmentation.grid import in_plane
 
 SIMILAR = 14.0  # largest weighted L*a*b* colour difference between sides of the same object, which are lit differently

@@ -10,7 +10,7 @@ import numpy as np
 from skimage.morphology import convex_hull_image
 
 from radartwin.reconstruct.segmentation import masks
-from radartwin.reconstruct.segmentation.faces import Faces, members, thinned
+from radartwin.reconstruct.segmentation.face_arrays import Faces, members, thinned
 from radartwin.reconstruct.segmentation.grid import Grid
 
 CELL_M = 0.05

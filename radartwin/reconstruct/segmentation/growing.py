@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from radartwin.compiled import compiled
-from radartwin.reconstruct.segmentation.faces import MIN_FITTED, Faces
+from radartwin.reconstruct.segmentation.face_arrays import MIN_FITTED, Faces
 
 REFIT = 1.2  # the plane of a region is refitted each time the number of faces in the region has grown by this factor
 

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from radartwin.reconstruct.segmentation import coplanar
 from radartwin.reconstruct.segmentation.bodies import with_bodies
 from radartwin.reconstruct.segmentation.colour import AREA_M2, colour_pieces, face_colours
-from radartwin.reconstruct.segmentation.faces import Faces, Segment, members
+from radartwin.reconstruct.segmentation.face_arrays import Faces, Segment, members
 from radartwin.reconstruct.segmentation.growing import absorb, grow
 
 ANGLE_DEG = 25.0  # a face joins a plane up to this angle between its smoothed normal and the plane's normal

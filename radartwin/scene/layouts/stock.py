@@ -11,8 +11,8 @@ import numpy as np
 from radartwin.errors import LayoutError, MeshError
 from radartwin.materials import Layered
 from radartwin.scene import objects
-from radartwin.scene.checks import check_mesh
 from radartwin.scene.layouts.anchor import words
+from radartwin.scene.mesh_checks import check_mesh
 from radartwin.scene.mesh_file import METRES, TO_Z_UP, read_meshes
 from radartwin.scene.surface import Surface
 

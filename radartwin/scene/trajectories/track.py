@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from radartwin.errors import PoseError
 from radartwin.io.one_line import plural
-from radartwin.scene.checks import MAX_EXTENT_M, unit_hint
+from radartwin.scene.mesh_checks import MAX_EXTENT_M, unit_hint
 
 Axes = Literal["sensor", "optical"]
 

@@ -25,7 +25,7 @@ from radartwin.simulation import diffuse, variant
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation.backends.static_scene import static_scene, target
 from radartwin.simulation.backends.trace_settings import TraceSettings
-from radartwin.simulation.backends.track import Track
+from radartwin.simulation.backends.track_paths import Track
 from radartwin.simulation.flat.room import Searched
 from radartwin.simulation.paths import Paths
 from radartwin.store.recent import Recent

@@ -41,7 +41,7 @@ from radartwin.scene.scene import Scene, Surface
 from radartwin.simulation import geometry as geometry_module
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation import reflection_table, variant
-from radartwin.simulation.checks import check_option, check_whole
+from radartwin.simulation.argument_checks import check_option, check_whole
 from radartwin.simulation.paths import Paths
 
 VERSIONS = ("shipped", "corrected")

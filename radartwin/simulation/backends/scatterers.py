@@ -21,7 +21,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene, Surface
 from radartwin.simulation import geometry, reflection_table
 from radartwin.simulation import poses as poses_module
-from radartwin.simulation.checks import check_option, check_positive
+from radartwin.simulation.argument_checks import check_option, check_positive
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.rcs import rcs
 from radartwin.store.digest import array_digest

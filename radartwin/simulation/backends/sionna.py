@@ -30,8 +30,8 @@ from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation import variant
+from radartwin.simulation.argument_checks import check_flag, check_whole
 from radartwin.simulation.backends.sionna_scene import SionnaScene, convert, limits
-from radartwin.simulation.checks import check_flag, check_whole
 from radartwin.simulation.paths import Paths
 
 # Default number of rays per pose. A test shows that this number finds every path of the furnished rooms down to 40 dB below the strongest.

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from radartwin.errors import InputError
-from radartwin.simulation.checks import check_flag, check_option, check_positive, check_whole
+from radartwin.simulation.argument_checks import check_flag, check_option, check_positive, check_whole
 from radartwin.simulation.pruning import PRUNE
 
 MAX_RAYS = 200_000_000  # largest number of ray tubes per sensor pose; tracing this number of tubes takes some minutes

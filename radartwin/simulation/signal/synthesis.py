@@ -33,7 +33,7 @@ from radartwin.errors import InputError
 from radartwin.radar.chirp import Radar
 from radartwin.radar.phase_noise import chebyshev_terms
 from radartwin.simulation import variant
-from radartwin.simulation.checks import check_option
+from radartwin.simulation.argument_checks import check_option
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal import gridding
 

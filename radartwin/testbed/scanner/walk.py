@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import dijkstra
 from skimage.measure import label
 
 from radartwin.errors import SceneError
-from radartwin.reconstruct.distance import covered, farthest_points
+from radartwin.reconstruct.mesh_distance import covered, farthest_points
 from radartwin.scene.scene import Scene
 
 CELL_M = 0.1

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from radartwin.label.labels import Label, relabelled
+from radartwin.label.surface_labels import Label, relabelled
 from radartwin.scene.scene import Scene, Surface
 
 

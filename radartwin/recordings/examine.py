@@ -15,8 +15,8 @@ from radartwin.io.progress import Progress
 from radartwin.radar.captures import EDGE_DB, band_edge_db, few, spread_frames
 from radartwin.radar.chirp import Radar
 from radartwin.radar.dca1000 import lost_frames
-from radartwin.radar.layouts import FULL_SCALE
 from radartwin.radar.recording import Recording, recording_files
+from radartwin.radar.word_order import FULL_SCALE
 from radartwin.recordings.card import CARD, Card
 from radartwin.recordings.index import INDEX, RECORDINGS, TRAJECTORIES, Row, read_index
 from radartwin.scene.trajectories.file import read_track

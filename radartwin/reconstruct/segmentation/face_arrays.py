@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 import trimesh
 
-from radartwin.reconstruct.distance import covered
+from radartwin.reconstruct.mesh_distance import covered
 
 SAMPLE_M = 0.03  # distance between the sample points of a face
 MIN_FITTED = 12  # with fewer faces the plane takes the mean normal of the faces, because a fitted plane would follow the noise

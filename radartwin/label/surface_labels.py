@@ -19,7 +19,7 @@ from radartwin.io import untrusted_json
 from radartwin.io.files import write_atomically
 from radartwin.label.answers import material_of
 from radartwin.label.journal import Record
-from radartwin.label.place import overlap, place_of
+from radartwin.label.surface_match import overlap, place_of
 from radartwin.materials import CORRELATION_M, Layered
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.storage import MANIFEST, material_to_json

@@ -7,7 +7,7 @@ import io
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from analysis.report.folder import Stage
+from analysis.report.publish import Stage
 
 if TYPE_CHECKING:
     from radartwin.scene.scene import Scene
@@ -51,7 +51,7 @@ def _drawn(name: str) -> tuple[Scene, bytes]:
     from PIL import Image
 
     from radartwin.label.material_map import corner_camera
-    from radartwin.label.raster import Drawing
+    from radartwin.label.z_buffer import Drawing
     from radartwin.scene import rooms
 
     scene = rooms.room(name)

@@ -1,7 +1,7 @@
 """Write the questions about surface materials again. The package contains recorded answers of the vision-language model to these questions.
 
-    python -m experiments.generators.questions lab --out FOLDER
-    python -m experiments.generators.questions lab --answers FILE --model NAME --about TEXT
+    python -m experiments.generators.label_questions lab --out FOLDER
+    python -m experiments.generators.label_questions lab --answers FILE --model NAME --about TEXT
 
 The script scans and reconstructs a room in the same way as when its answers were recorded (simulated phone scan, strength 1, seed 0). The
 chair is a real scan, which is used in two forms: its camera frames and its exported mesh. Questions and pictures are written as by the

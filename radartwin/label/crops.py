@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from radartwin.label.photos import Photo, jpeg
-from radartwin.label.raster import Camera, Drawing, Triangles
+from radartwin.label.z_buffer import Camera, Drawing, Triangles
 from radartwin.scene.scene import Scene
 
 SIZE = 512  # number of pixels along the longer side of a crop

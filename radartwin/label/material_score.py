@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from radartwin.errors import SceneError
-from radartwin.label.place import place_of
-from radartwin.label.sources import true_surfaces
+from radartwin.label.material_sources import true_surfaces
+from radartwin.label.surface_match import place_of
 from radartwin.materials.distance import diffuse_distance_db, distance_db
 from radartwin.materials.minc import CATEGORIES
 from radartwin.scene.scene import Scene

@@ -15,9 +15,9 @@ import numpy as np
 from radartwin import plugins
 from radartwin.errors import ConfigError, SceneError
 from radartwin.label.journal import Record
-from radartwin.label.labels import LABEL_KEYS, VLM, Label, belongs_to_room, labelled, relabelled
-from radartwin.label.place import matches, place_of
 from radartwin.label.recorded import Recorded, records_for
+from radartwin.label.surface_labels import LABEL_KEYS, VLM, Label, belongs_to_room, labelled, relabelled
+from radartwin.label.surface_match import matches, place_of
 from radartwin.materials import Layered, check_name
 from radartwin.materials.distance import in_range
 from radartwin.materials.minc import CATEGORIES, names_in, row
