@@ -15,7 +15,7 @@ from experiments.recognition.protocol import scaled
 from experiments.recognition.readings import by_side
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
-from radartwin.runs.experiment import Result, check_rows
+from radartwin.runs.experiment import Result, check_result
 from radartwin.scene.objects.assortment import assortment
 from radartwin.store.products import Store
 
@@ -45,7 +45,7 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Result:
 
 
 def test_the_simulation_of_the_object_itself_recognises_it_and_that_of_another_does_not(result: Result) -> None:
-    check_rows(result.table, result.rows)
+    check_result(result)
     accuracy = {
         method: find(result, metric="accuracy", method=method, attribute=None, **{"labels per class": 0})["value"]
         for method in (RAW, PRETRAINED, many_objects.OTHER)

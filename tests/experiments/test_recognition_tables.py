@@ -43,7 +43,7 @@ from radartwin.features import families
 from radartwin.io.progress import Progress
 from radartwin.recognize import probes
 from radartwin.recognize.samples import MEASURED, Part, Samples, gather
-from radartwin.runs.experiment import Result, check_rows, save
+from radartwin.runs.experiment import Result, check_result, save
 from radartwin.store.products import Store
 
 SMALL = ["supervision.copies=3", "supervision.seeds=2", "supervision.trees=20", "supervision.encoder.epochs=10"]
@@ -69,7 +69,7 @@ def drives(**changed) -> FakeCampaign:
 
 def checked(result: Result) -> Result:
     """Check the table rows of a result and draw its figures."""
-    check_rows(result.table, result.rows)
+    check_result(result)
     assert all(row["run_keys"] for row in result.rows)
     draw_all(result)
     return result
