@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from analysis.pages.template import RESULTS
-from experiments.claims import SUPPORTED, judge, limit_kept
+from experiments.verdicts import SUPPORTED, judge, limit_kept
 from radartwin.runs.experiment import LIMITS, VERDICTS
 
 NUMBERS = ("value", "low", "high", "bound", "null", "margin")

@@ -59,7 +59,7 @@ def _run(names: Sequence[str], profile: str, output: Path) -> tuple[list[str], C
     with products.counting() as counts:
         if not names:
             return made, counts
-        from experiments import together  # imports the numerical packages
+        from experiments import shared_simulations  # imports the numerical packages
         from radartwin.runs import workers
 
         overrides = {name: [f"experiment={name}", f"profile={profile}", path_override("output", output)] for name in names}
@@ -75,7 +75,7 @@ def _run(names: Sequence[str], profile: str, output: Path) -> tuple[list[str], C
 
         with workers.reused():
             try:
-                together.simulate(list(configs.values()), progress)
+                shared_simulations.simulate(list(configs.values()), progress)
             except (UserError, OSError):
                 raise
             except Exception:  # each table that needs the failed simulation repeats it and fails

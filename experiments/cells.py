@@ -22,8 +22,8 @@ from numpy.typing import ArrayLike, NDArray
 from experiments import statistics
 from experiments.campaign.cases import MEASURED, TWIN
 from experiments.campaign.frame import PLACE, Column, Frame
-from experiments.claims import NONE, Claim, Row
 from experiments.statistics import ANY, Estimate
+from experiments.verdicts import NONE, Claim, Row
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 

@@ -79,7 +79,7 @@ class Query:
         return selections
 
     def recordings(self, store: Store, progress: Progress) -> dict[str, RecordingTask]:
-        """Return the recordings that the store lacks, as experiments.together needs them."""
+        """Return the recordings that the store lacks, as experiments.shared_simulations needs them."""
         return missing(self.wanted(store, progress))
 
     def sources(self, store: Store, progress: Progress) -> dict[str, Campaign]:

@@ -24,7 +24,7 @@ from filelock import FileLock
 from numba import njit
 from numba.core.compiler_lock import global_compiler_lock
 
-from radartwin import sources
+from radartwin import source_files
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -85,12 +85,12 @@ def _sources(module: str) -> str:
     modules that it imports, and, if one of these has compiled functions, of the modules that it imports. Unlike the digest of stored
     results, this digest includes comments, because a syntax tree would take 100 times as long as the text.
     """
-    texts = (f"{name}\n{sources.text(name)}" for name in sorted(sources.closure((module,), _has_kernels)))
+    texts = (f"{name}\n{source_files.text(name)}" for name in sorted(source_files.closure((module,), _has_kernels)))
     return hashlib.sha256("\n".join(texts).encode()).hexdigest()
 
 
 def _has_kernels(module: str) -> bool:
-    return "radartwin.compiled" in sources.text(module)
+    return "radartwin.compiled" in source_files.text(module)
 
 
 def fixed(values: np.ndarray) -> np.ndarray:

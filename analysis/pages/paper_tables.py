@@ -22,7 +22,7 @@ from typing import Any
 import pandas as pd
 
 from analysis.pages.template import ROOT, committed, number
-from experiments.claims import PRIMARY
+from experiments.verdicts import PRIMARY
 from radartwin.io import untrusted_yaml
 
 PAGE = ROOT / "docs" / "paper-tables.md"

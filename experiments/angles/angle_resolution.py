@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments import statistics
-from experiments.claims import BELOW, Claim, RowList
 from experiments.statistics import Estimate
+from experiments.verdicts import BELOW, Claim, RowList
 from radartwin.config.config import Config
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.io.progress import Progress

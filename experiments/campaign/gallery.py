@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from experiments import statistics
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import LABELS, RAIL, ROVER, Case, Log, Motion
-from experiments.claims import RowList
 from experiments.drawing import range_map
+from experiments.verdicts import RowList
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features import envelope, peak_track

@@ -12,8 +12,8 @@ import numpy as np
 
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import Case
-from experiments.claims import RowList
 from experiments.statistics import exact
+from experiments.verdicts import RowList
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result

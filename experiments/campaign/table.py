@@ -23,9 +23,9 @@ from experiments.campaign.cases import COMPARED, LABELS, MEASURED, TWIN, VOID, C
 from experiments.campaign.cases import log as nominal_log
 from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
-from experiments.claims import BELOW, NONE, Claim, RowList
 from experiments.scans import virtual_scan
 from experiments.statistics import exact, ratio
+from experiments.verdicts import BELOW, NONE, Claim, RowList
 from radartwin.builders.radar import build_radar
 from radartwin.config.compose import compose
 from radartwin.config.config import Config

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.campaign.cases import Case
-from experiments.claims import BELOW, NONE, Claim, row
 from experiments.complexity import timing
 from experiments.statistics import Estimate, bootstrap, exact
+from experiments.verdicts import BELOW, NONE, Claim, row
 from radartwin.adaptive.choice import Choice
 from radartwin.adaptive.scene_settings import LADDER, Model
 from radartwin.config.config import Config

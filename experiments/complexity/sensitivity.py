@@ -21,13 +21,13 @@ from experiments.campaign import tally
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import Case
 from experiments.campaign.frame import Frame, shared, stored
-from experiments.claims import row
 from experiments.drawing import legend_above
 from experiments.recognition import corner_reflector_calibration
 from experiments.rover import rover_disentangle, rover_fidelity
 from experiments.speed.machine import machine
 from experiments.statistics import Estimate
 from experiments.turntable import environment, linear_rail, turntable_material, turntable_shape, turntable_size
+from experiments.verdicts import row
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.config.materials import default_materials

@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 
 from experiments import statistics
 from experiments.campaign.schedule import RecordingTask
-from experiments.claims import NONE, Claim, Row, RowList, within
 from experiments.drawing import error_bars, legend_above
 from experiments.gaps import case_set, shapley
 from experiments.gaps.coalitions import ERROR, LABELS, PROFILE, RECOGNITION, SCORES, Losses, Sides, cases, losses, sides_of
 from experiments.gaps.shapley import Coalition
+from experiments.verdicts import NONE, Claim, Row, RowList, within
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress

@@ -26,11 +26,11 @@ from experiments.campaign.cases import Case
 from experiments.campaign.frame import Frame
 from experiments.campaign.truth import DRAW_STEP
 from experiments.cells import Cell, joined_rows, keys, using
-from experiments.claims import BELOW, NONE, Claim
 from experiments.drawing import legend_above
 from experiments.gaps import case_set
 from experiments.gaps.case_set import CASES, FILLED, GAPS, GROUPS, METAL, Reading
 from experiments.gaps.predictions import expected
+from experiments.verdicts import BELOW, NONE, Claim
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress

@@ -26,12 +26,12 @@ from experiments import draws
 from experiments.campaign.campaign import joined
 from experiments.campaign.cases import REFLECTOR, planned
 from experiments.campaign.schedule import RecordingTask
-from experiments.claims import EQUAL, NONE, NOT_HERE, PRIMARY, Claim, judge
 from experiments.recognition import labelled_probe, reconstruction_ablation, rover_recognition, turntable_label_free
 from experiments.recognition.protocol import CHANCE_MARGIN, FLOOR_ONLY, LEAST_GAIN, SAME_MODELS
 from experiments.rover import rover_fidelity
 from experiments.statistics import LEVEL, PERMUTATION, STUDENT, at_level
 from experiments.turntable import environment, linear_rail, turntable_material, turntable_shape
+from experiments.verdicts import EQUAL, NONE, NOT_HERE, PRIMARY, Claim, judge
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError

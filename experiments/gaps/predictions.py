@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from experiments.claims import BELOW, Claim, within
+from experiments.verdicts import BELOW, Claim, within
 
 Expected = tuple[str, str, Claim]  # group of cases, feature, claim about its change
 LINES_DB = -5.2  # two-way loss of the hardware's lines (radartwin/radar/hardware.py)

@@ -21,8 +21,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from experiments.claims import NOT_HERE, PRIMARY
 from experiments.gaps.headline import DRIVES, HEADLINES, REGISTERED
+from experiments.verdicts import NOT_HERE, PRIMARY
 from radartwin.errors import InputError
 from radartwin.io import files
 from radartwin.store.digest import spec_digest

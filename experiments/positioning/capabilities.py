@@ -111,7 +111,7 @@ def _labelled() -> tuple[str, bool]:
 
 def _no_measurement() -> tuple[str, bool]:
     """Check that no module that reconstructs scenes, assigns materials or simulates imports a module that reads measured recordings."""
-    from radartwin.sources import closure
+    from radartwin.source_files import closure
 
     reached = closure(("radartwin.reconstruct.build", "radartwin.label.material_sources", "radartwin.simulation.simulate"))
     return "yes", not any(name.startswith(("radartwin.recordings", "radartwin.testbed")) for name in reached)

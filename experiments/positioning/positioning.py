@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments import claims
+from experiments import verdicts
 from experiments.positioning import capabilities
 from experiments.statistics import exact
 from radartwin.config.config import Config
@@ -103,7 +103,7 @@ def row(system: str) -> dict[str, Any]:
         notes.append(f"{axis}: {result}" if right else f"{axis}: {result}, not {CELLS[system][AXES.index(axis)]}")
     return {
         "method": system, **cells, "sources": "; ".join(source(system, axis) for axis in AXES),
-        "checked here": "; ".join(notes), **claims.score_columns(
+        "checked here": "; ".join(notes), **verdicts.score_columns(
             "share of checked cells that are as the paper says", exact(float(np.mean(agree)) if agree else np.nan, len(agree)),
             DOMAINS.get(system, "capability check") if agree else "paper", all(agree),
         ), "paper": f"{sum(cells[axis].startswith('yes') for axis in TICKS)} of {len(TICKS)} marks",
@@ -126,5 +126,5 @@ def others_with_all() -> dict[str, Any]:
         "sources": 'caption of Table 1: "the only method that infers per-surface materials automatically from an available 3D scene '
         'representation while modeling environment multipath and requiring no RF data"',
         "checked here": f"{note}; the paper does not say whether Shenron infers the reflectivity of each surface",
-        **claims.score_columns("other systems with every mark", exact(len(rivals), len(CELLS) - 1), "paper"), "paper": "0",
+        **verdicts.score_columns("other systems with every mark", exact(len(rivals), len(CELLS) - 1), "paper"), "paper": "0",
     }  # fmt: skip

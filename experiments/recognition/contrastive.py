@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 from experiments.campaign.cases import MEASURED
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell, first_draw, keys, table_rows
-from experiments.claims import NONE, Claim
 from experiments.draws import Query
 from experiments.recognition.copies import Copied
 from experiments.recognition.plots import bars, embedding_map, grouped, values
 from experiments.recognition.protocol import GEOMETRY, MATERIAL, Scored, anchors, correct, encoders, read, scaled, settings
 from experiments.recognition.readings import FEATURES, MOTION, revolutions, without
+from experiments.verdicts import NONE, Claim
 from radartwin.config.config import Config
 from radartwin.config.trajectory import TurntableTrajectory
 from radartwin.features.families import BRIGHTNESS

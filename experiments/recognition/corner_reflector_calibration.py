@@ -16,10 +16,10 @@ import numpy as np
 from experiments.campaign.cases import COMPARED, REFLECTOR
 from experiments.campaign.frame import Frame, balanced, by_revolution
 from experiments.cells import Cell, first_draw, paired, table_rows, using
-from experiments.claims import NONE, Claim, within
 from experiments.draws import Query
 from experiments.recognition.readings import MOTION, reflector
 from experiments.statistics import clustered, difference, exact
+from experiments.verdicts import NONE, Claim, within
 from radartwin.config.config import Config
 from radartwin.features.families import BRIGHTNESS
 from radartwin.io.progress import Progress

@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 from experiments.campaign.cases import MEASURED
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell, keys, table_rows
-from experiments.claims import NONE, Claim
 from experiments.draws import Query
 from experiments.recognition.copies import Copied
 from experiments.recognition.plots import bars, grouped, label_curve, values
@@ -43,6 +42,7 @@ from experiments.recognition.protocol import (
     settings,
 )  # fmt: skip
 from experiments.recognition.readings import MOTION, revolutions
+from experiments.verdicts import NONE, Claim
 from radartwin import plugins
 from radartwin.config.config import Config
 from radartwin.config.plugged import code_of

@@ -28,7 +28,6 @@ from experiments.campaign.frame import Frame, Wanted
 from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
 from experiments.cells import Cell, keys, table_rows
-from experiments.claims import Claim
 from experiments.draws import Part, Query, numbers
 from experiments.recognition import copies
 from experiments.recognition.copies import Copied
@@ -49,6 +48,7 @@ from experiments.recognition.protocol import (
 )  # fmt: skip
 from experiments.recognition.readings import MOTION, by_side, revolutions
 from experiments.statistics import share
+from experiments.verdicts import Claim
 from radartwin.config.config import Config
 from radartwin.config.simulator import RFGenesisSimulator
 from radartwin.io.progress import Progress
@@ -102,7 +102,7 @@ def recordings(config: Config, store: Store, progress: Progress) -> dict[str, Re
 
 
 def calls(config: Config) -> list[Call]:
-    """Return the simulations of the random targets for every compared simulation (experiments/together.py)."""
+    """Return the simulations of the random targets for every compared simulation (experiments/shared_simulations.py)."""
     return [call for part in query(config).parts if part.domain == TWIN for call in copies.calls(part.config)]
 
 

@@ -27,7 +27,6 @@ from experiments.campaign.cases import MEASURED
 from experiments.campaign.frame import Frame, by_revolution, features
 from experiments.campaign.schedule import RecordingTask
 from experiments.cells import Cell, Estimator, first_draw, keys, mean, per, table_rows
-from experiments.claims import NONE, Claim
 from experiments.recognition import labelled_probe
 from experiments.recognition.encoder_comparison import few_shot_hits
 from experiments.recognition.labelled_probe import PRETRAINED, RAW, RIVAL
@@ -46,6 +45,7 @@ from experiments.recognition.protocol import (
 from experiments.recognition.readings import by_side, recording_name
 from experiments.recognition.transfer import ranked
 from experiments.statistics import SHARE, SIGNED, Estimate
+from experiments.verdicts import NONE, Claim
 from radartwin.config.config import Config
 from radartwin.config.materials import VoidMaterials
 from radartwin.errors import ConfigError

@@ -17,7 +17,6 @@ from experiments.campaign.cases import MEASURED, TWIN
 from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
 from experiments.cells import Cell, keys, table_rows, using
-from experiments.claims import NONE, Claim
 from experiments.drawing import error_bars
 from experiments.draws import Part, Query
 from experiments.recognition import transfer
@@ -25,6 +24,7 @@ from experiments.recognition.protocol import FLOOR_ONLY, Scored, correct, statis
 from experiments.recognition.readings import by_side, profile_db
 from experiments.recognition.reconstruction_ablation import MOTION, ROOM
 from experiments.statistics import POSITIVE, clustered
+from experiments.verdicts import NONE, Claim
 from radartwin.config.config import Config
 from radartwin.config.materials import MaterialsConfig, RandomMaterials, TrueMaterials
 from radartwin.io.progress import Progress

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from experiments.campaign.cases import MEASURED
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell, keys, table_rows
-from experiments.claims import EQUAL, NONE, Claim
 from experiments.draws import Query
 from experiments.recognition.copies import Copied, copies
 from experiments.recognition.plots import Panels, bars, confusions, grouped, values
@@ -29,6 +28,7 @@ from experiments.statistics import (
     sign_flipped,
     students_t,
 )  # fmt: skip
+from experiments.verdicts import EQUAL, NONE, Claim
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.recognize.encoder import Encoder, Settings, nearest_text

@@ -44,7 +44,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def calls(config: Config) -> list[Call]:
-    """Return the simulations of the random targets of each kind of copies (experiments/together.py)."""
+    """Return the simulations of the random targets of each kind of copies (experiments/shared_simulations.py)."""
     return [call for left_out in kinds(config).values() for call in copies.calls(copied_as(config, left_out))]
 
 

@@ -23,13 +23,13 @@ from experiments.campaign.cases import TWIN
 from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
 from experiments.cells import Cell
-from experiments.claims import Claim
 from experiments.draws import Part, Query
 from experiments.recognition import transfer
 from experiments.recognition.plots import Panels
 from experiments.recognition.protocol import FLOOR_ONLY, SHAPE, Scored, accuracy_result, correct, sign_test, statistics_columns
 from experiments.recognition.readings import by_side
 from experiments.statistics import share
+from experiments.verdicts import Claim
 from radartwin.config.config import Config
 from radartwin.config.materials import UniformMaterials, VoidMaterials
 from radartwin.errors import ConfigError

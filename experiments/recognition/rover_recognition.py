@@ -19,11 +19,11 @@ from experiments.campaign.cases import REFLECTOR
 from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
 from experiments.cells import Cell, keys, table_rows
-from experiments.claims import NONE, Claim, Row
 from experiments.draws import Query
 from experiments.recognition import transfer
 from experiments.recognition.plots import Panels, bars, confusions, grouped
 from experiments.recognition.protocol import MATERIAL, NO_SESSIONS, SHAPE, Scored, at_chance, correct, seeds
+from experiments.verdicts import NONE, Claim, Row
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.recognize.probes import forest

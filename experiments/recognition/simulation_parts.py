@@ -65,7 +65,7 @@ def recordings(config: Config, store: Store, progress: Progress) -> dict[str, Re
 
 
 def calls(config: Config) -> list[Call]:
-    """Return the simulations of the random targets (experiments/together.py). Those of NO_ROOM are those of EVERYTHING."""
+    """Return the simulations of the random targets (experiments/shared_simulations.py). Those of NO_ROOM are those of EVERYTHING."""
     parts = [part for part in query(config).parts if part.domain == TWIN and part.versions["side"] != NO_ROOM]
     return [call for part in parts for call in copies.calls(part.config)]
 

@@ -15,7 +15,6 @@ from functools import partial
 from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
 from experiments.cells import Cell
-from experiments.claims import NONE, Claim
 from experiments.draws import Query
 from experiments.recognition.copies import Copied
 from experiments.recognition.plots import Panels
@@ -34,6 +33,7 @@ from experiments.recognition.protocol import (
 )  # fmt: skip
 from experiments.recognition.readings import MOTION, revolutions
 from experiments.recognition.transfer import ranked
+from experiments.verdicts import NONE, Claim
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.recognize.encoder import nearest_text

@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell, keys, table_rows
-from experiments.claims import Claim
 from experiments.draws import Query
 from experiments.recognition.copies import Copied
 from experiments.recognition.plots import bars, grouped, values
 from experiments.recognition.protocol import Scored, anchors, read, scaled, seeds, settings
 from experiments.recognition.readings import MOTION, revolutions
+from experiments.verdicts import Claim
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.recognize.adaptation import skewed, weighted_statistics

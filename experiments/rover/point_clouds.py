@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, ROVER, TWIN
 from experiments.campaign.frame import Column, Frame
 from experiments.cells import Cell, first_draw, keys, mean, paired, table_rows
-from experiments.claims import NONE, Claim
 from experiments.draws import Query
 from experiments.rover.rover_fidelity import WHERE
 from experiments.statistics import POSITIVE, SHARE, SIGNED
+from experiments.verdicts import NONE, Claim
 from radartwin.config.config import Config
 from radartwin.features import cloud
 from radartwin.features.profile import FAR_M, NEAR_M

@@ -24,10 +24,10 @@ from experiments import statistics
 from experiments.campaign.cases import COMPARED, ROVER
 from experiments.campaign.frame import Frame, features
 from experiments.cells import Cell, first_draw, keys, table_rows, using
-from experiments.claims import NONE, Claim
 from experiments.draws import Query
 from experiments.rover.figures import slices_figure
 from experiments.statistics import Estimate
+from experiments.verdicts import NONE, Claim
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result, Table

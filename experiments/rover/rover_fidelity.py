@@ -22,10 +22,10 @@ from experiments import statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, ROVER
 from experiments.campaign.frame import Frame, features
 from experiments.cells import Cell, first_draw, keys, mean, paired, per, table_rows, using
-from experiments.claims import NONE, Claim
 from experiments.draws import Query
 from experiments.rover.figures import correlation_figure, panels_figure
 from experiments.statistics import Estimate
+from experiments.verdicts import NONE, Claim
 from radartwin.config.config import Config
 from radartwin.errors import InputError
 from radartwin.features.align import overlap, start_offset

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments import claims, statistics
+from experiments import statistics, verdicts
 from experiments.scans import virtual_scan
 from experiments.statistics import Estimate
 from radartwin.config.config import Config
@@ -87,7 +87,7 @@ def _row(room: str, source: str, area_m2: float, metric: str, estimate: Estimate
          holds: bool | None = None) -> dict[str, Any]:  # fmt: skip
     return {
         "room": room, "source": source, "category": category, "area_m2": round(area_m2, 2), "note": note,
-        **claims.score_columns(metric, estimate, "virtual scan", holds, [key]),
+        **verdicts.score_columns(metric, estimate, "virtual scan", holds, [key]),
     }  # fmt: skip
 
 

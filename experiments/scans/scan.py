@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments import claims, statistics
+from experiments import statistics, verdicts
 from experiments.scans import virtual_scan
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
@@ -176,7 +176,7 @@ def _row(
         holds = estimate.low >= limit if least else estimate.high <= limit
     return {
         "room": room, "strength": strength, "claim": claim, "limit": "" if limit is None else f"{'>=' if least else '<='} {limit:g}",
-        "scans": scans, **claims.score_columns(metric, estimate, "virtual scan", holds, [key]),
+        "scans": scans, **verdicts.score_columns(metric, estimate, "virtual scan", holds, [key]),
     }  # fmt: skip
 
 

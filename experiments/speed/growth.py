@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.claims import BELOW, NONE, Claim, row
 from experiments.speed.flat_of_rooms import flat
 from experiments.speed.machine import machine
 from experiments.statistics import Estimate, exact
+from experiments.verdicts import BELOW, NONE, Claim, row
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments import claims
+from experiments import verdicts
 from experiments.campaign.schedule import RecordingTask
 from experiments.speed import campaign_methods, chart, chart_page, measuring
 from experiments.speed.machine import machine
@@ -141,7 +141,7 @@ def _row(
     return {
         **{name: method.get(name) for name in MEASURED}, "least_s_frame": min(method["seconds"]), "most_s_frame": max(method["seconds"]),
         "title": title, "machine": "; ".join(machine.values()), "exact": method["exact"], **{name: method.get(name) for name in SCORED},
-        **marks, "claim": claim, **claims.score_columns(metric, estimate, domain, holds, method.get("keys", ())),
+        **marks, "claim": claim, **verdicts.score_columns(metric, estimate, domain, holds, method.get("keys", ())),
     }  # fmt: skip
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments import claims
+from experiments import verdicts
 from experiments.speed.methods import OURS, Method
 from experiments.stability.sweeps import METHODS, SWEEPS, Sweep
 from experiments.statistics import exact
@@ -52,7 +52,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         rows += sweep_rows(sweep, [(method, next(errors)) for method in METHODS])
     broken = sum(math.isnan(float(error_db)) for row in rows for error_db in row["errors_db"].split())
     tried = sum(len(row["errors_db"].split()) for row in rows)
-    score = claims.score_columns("evaluations that broke", exact(broken, tried), DOMAIN, not broken)
+    score = verdicts.score_columns("evaluations that broke", exact(broken, tried), DOMAIN, not broken)
     rows.append({**dict.fromkeys(rows[0], ""), "sweep": "all", "title": "all sweeps", "claim": FINITE, **score})
     metrics = {f"safe values of {row['sweep']}": row["value"] for row in rows if row["family"] == OURS} | {"broken": float(broken)}
     return Result(TABLE.name, rows, {TABLE.name: lambda: map_of(rows)}, metrics)
@@ -95,7 +95,7 @@ def sweep_rows(sweep: Sweep, by_method: Sequence[tuple[Method, Sequence[float]]]
             "values": " ".join(f"{value:g}" for value in sweep.values), "errors_db": " ".join(f"{error_db:.2f}" for error_db in errors),
             "safe": safe_words(sweep, count), "fails at": f"{sweep.values[count]:g} {sweep.unit}" if count < len(errors) else "",
             "why": sweep.why if mine else "", "claim": CLAIM if mine else "",
-            **claims.score_columns(METRIC, exact(count, len(errors)), DOMAIN, count == best > 0 if mine else None),
+            **verdicts.score_columns(METRIC, exact(count, len(errors)), DOMAIN, count == best > 0 if mine else None),
         })  # fmt: skip
     return rows
 

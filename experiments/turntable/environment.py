@@ -23,10 +23,10 @@ from experiments.campaign.frame import Frame, stored
 from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
 from experiments.cells import Cell, first_draw, keys, mean, table_rows
-from experiments.claims import BELOW, NONE, Claim, RowList, within
 from experiments.drawing import error_bars, range_map
 from experiments.statistics import FISHER, SCALES, SHARE, SIGNED, ms_ssim
 from experiments.turntable import operating_points
+from experiments.verdicts import BELOW, NONE, Claim, RowList, within
 from radartwin.config.config import Config
 from radartwin.config.materials import UniformMaterials
 from radartwin.errors import ConfigError

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.claims import NONE, Claim, Row
 from experiments.statistics import Estimate
+from experiments.verdicts import NONE, Claim, Row
 from radartwin.config.config import Config
 from radartwin.features.envelope import harmonic_ratio
 

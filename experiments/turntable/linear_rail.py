@@ -19,9 +19,9 @@ from experiments.campaign.cases import COMPARED, LABELS, MEASURED, RAIL, TWIN
 from experiments.campaign.columns import TRACKERS
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell, first_draw, keys, mean, paired, table_rows
-from experiments.claims import BELOW, NONE, Claim, within
 from experiments.drawing import DOMAIN_STYLES, legend_above
 from experiments.draws import Query
+from experiments.verdicts import BELOW, NONE, Claim, within
 from radartwin.config.config import Config
 from radartwin.features import peak_track
 from radartwin.features.align import overlap

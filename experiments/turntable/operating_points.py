@@ -29,8 +29,8 @@ from experiments import statistics
 from experiments.campaign.cases import BENCH_ROOM, MEASURED, REFLECTOR, TWIN, VOID, Case, draws
 from experiments.campaign.columns import AVERAGES
 from experiments.campaign.frame import Frame
-from experiments.claims import Claim, RowList
 from experiments.drawing import legend_above
+from experiments.verdicts import Claim, RowList
 from radartwin.config.config import Config
 from radartwin.features.profile import beyond_target_share, gate_energies, profile_correlation
 from radartwin.plotting.style import PAGE_WIDTH_IN, figure

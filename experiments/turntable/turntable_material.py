@@ -17,9 +17,9 @@ from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TW
 from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
 from experiments.cells import Cell, difference, first_draw, gap, keys, mean, per, table_rows
-from experiments.claims import BELOW, NONE, Claim
 from experiments.drawing import DOMAIN_STYLES, legend_above, panels_width_in
 from experiments.draws import Query
+from experiments.verdicts import BELOW, NONE, Claim
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features.families import BRIGHTNESS

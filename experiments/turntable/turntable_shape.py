@@ -21,11 +21,11 @@ from experiments import statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN
 from experiments.campaign.frame import Column, Frame
 from experiments.cells import Cell, first_draw, joined_rows, keys, mantel, mean, paired, per, rank_correlation, table_rows, using
-from experiments.claims import BELOW, NONE, Claim
 from experiments.drawing import DOMAIN_STYLES, legend_above
 from experiments.draws import Query
 from experiments.statistics import Estimate
 from experiments.turntable.facet_ripple import ripple_rows
+from experiments.verdicts import BELOW, NONE, Claim
 from radartwin.config.config import Config
 from radartwin.errors import InputError
 from radartwin.io.progress import Progress

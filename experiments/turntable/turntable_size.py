@@ -18,11 +18,11 @@ from experiments import statistics
 from experiments.campaign.cases import COMPARED, LABELS
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell, first_draw, keys, per, rank_correlation, table_rows, using
-from experiments.claims import EQUAL, NONE, Claim
 from experiments.drawing import DOMAIN_STYLES, legend_above, panels_width_in
 from experiments.draws import Query
 from experiments.statistics import Estimate
 from experiments.turntable.turntable_shape import is_can
+from experiments.verdicts import EQUAL, NONE, Claim
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features.families import BRIGHTNESS

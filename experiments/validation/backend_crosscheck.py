@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments import claims, statistics
+from experiments import statistics, verdicts
 from experiments.validation.oracles.rooms import rotation
 from experiments.validation.oracles.shells import Room
 from experiments.validation.path_match import PathSet, partners, together
@@ -227,7 +227,7 @@ def _rows(key: tuple[str, str, str], each: list[Compared], config: Config) -> li
     ) -> dict[str, Any]:
         case = {"room": room, "detail": detail, "reference": name, "claim": CLAIMS[metric] if holds else ""}
         estimate = statistics.mean(samples, config.profile.resamples, config.seed, limits) if len(samples) else statistics.exact(np.nan, 0)
-        return case | claims.score_columns(metric, estimate, "simulation", holds(estimate.low, estimate.high) if holds else None)
+        return case | verdicts.score_columns(metric, estimate, "simulation", holds(estimate.low, estimate.high) if holds else None)
 
     def joined(field: str) -> np.ndarray:
         return np.concatenate([getattr(comparison, field) for comparison in each]).astype(float)

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import trimesh
 
-from experiments import claims
+from experiments import verdicts
 from experiments.scans import scan
 from experiments.statistics import Estimate, exact, resampled
 from experiments.validation.oracles.case import REFERENCE
@@ -130,7 +130,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     """Make every comparison whose data are present."""
     rows = [line for m, compare in progress.over(COMPARISONS, "measurements") for line in rows_of(m, compare, config)]
     figures = {"reality_dihedrals": _dihedral_figure}
-    metrics = {f"{verdict}_rows": float(sum(row["verdict"] == verdict for row in rows)) for verdict in (claims.HOLDS, claims.MISSES)}
+    metrics = {f"{verdict}_rows": float(sum(row["verdict"] == verdict for row in rows)) for verdict in (verdicts.HOLDS, verdicts.MISSES)}
     return Result(TABLE.name, rows, figures, metrics)
 
 
@@ -149,7 +149,7 @@ def _row(measurement: Measurement, compared: Compared) -> dict[str, Any]:
     return {
         "measurement": measurement.name, "method": compared.method, "claim": compared.claim,
         "limit": f"low <= {limit:.3g}" if compared.overlaps and limit else limit, "note": compared.note,
-        "source": measurement.source, "licence": measurement.licence, **claims.score_columns(compared.quantity, estimate, DOMAIN, holds),
+        "source": measurement.source, "licence": measurement.licence, **verdicts.score_columns(compared.quantity, estimate, DOMAIN, holds),
     }  # fmt: skip
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments import claims
+from experiments import verdicts
 from experiments.statistics import Estimate, exact
 from experiments.validation import furnished_rooms
 from experiments.validation.oracles import dielectrics, energy, motion, near, rooms, sampling, targets
@@ -59,8 +59,8 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     with progress.task("validation cases", len(cases)) as done:
         rows = workers.each(row, cases, config.jobs, done)
     count = Counter(row["verdict"] or "absent" for row in rows)
-    metrics = {f"cases_{word}": float(count[word]) for word in (claims.HOLDS, claims.MISSES, "absent")}
-    metrics |= {f"share_of_limit_{r['case']}": r["error"] / r["limit"] for r in rows if r["verdict"] == claims.MISSES}
+    metrics = {f"cases_{word}": float(count[word]) for word in (verdicts.HOLDS, verdicts.MISSES, "absent")}
+    metrics |= {f"share_of_limit_{r['case']}": r["error"] / r["limit"] for r in rows if r["verdict"] == verdicts.MISSES}
     figures = {
         "validation_rcs_pattern": lambda: _pattern_figure(full),
         "validation_ray_count": lambda: _ray_count_figure(full),
@@ -86,7 +86,7 @@ def row(case: Case, full: bool) -> dict[str, Any]:
     return {
         "subject": case.subject, "case": case.name, "claim": case.claim, "oracle": oracle, "reference": reference, "ours": simulated,
         "error": error, "limit": case.limit, "unit": case.unit or "-",
-        **claims.score_columns(case.metric, estimate, DOMAIN, error is not None and error <= case.limit), "seconds": seconds,
+        **verdicts.score_columns(case.metric, estimate, DOMAIN, error is not None and error <= case.limit), "seconds": seconds,
     }  # fmt: skip
 
 

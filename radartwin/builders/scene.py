@@ -97,9 +97,9 @@ def add_layout(config: SceneConfig, room: Scene, sensor_pose: np.ndarray) -> Sce
     if not (config.layout or config.sentence):
         return room
     from radartwin.io.chat import Endpoint
+    from radartwin.scene.layouts.language_model import read_sentence
     from radartwin.scene.layouts.layout import Layout
     from radartwin.scene.layouts.place import furnish
-    from radartwin.scene.layouts.sentences import read_sentence
 
     if config.layout:
         return furnish(room, Layout.load(config.layout), sensor_pose)

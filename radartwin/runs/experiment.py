@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SCORE_COLUMNS = ("metric", "paper", "value", "low", "high", "n", "domain", "verdict")  # the last columns of every table, in this order
-VERDICTS = ("supported", "direction shown", "undecided", "contradicted", "not testable here")  # experiments/claims.py says what they mean
+VERDICTS = ("supported", "direction shown", "undecided", "contradicted", "not testable here")  # experiments/verdicts.py says what they mean
 # columns from which the verdict on a claim follows
 JUDGED = ("bound", "direction", "null", "margin", "level", "family", "test", "unit", "p", "freedom", "interval_scale", "lowest", "highest")
 LIMITS = ("holds", "misses")  # verdicts of tables that check limits, such as `validation`

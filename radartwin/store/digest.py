@@ -20,7 +20,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radartwin import sources
+from radartwin import source_files
 from radartwin.errors import ConfigError, MissingError
 
 if TYPE_CHECKING:
@@ -121,10 +121,10 @@ def source_digest(entries: Iterable[str]) -> str:
 @functools.cache
 def _source_digest(entries: tuple[str, ...]) -> str:
     for entry in entries:
-        if not sources.members(entry):
+        if not source_files.members(entry):
             raise ConfigError(f"there is no module or package '{entry}'")
-    packages = sorted({".".join(name.split(".")[:2]) for name in sources.closure(entries)})
-    modules = sorted({name for package in packages for name in sources.members(package)})
+    packages = sorted({".".join(name.split(".")[:2]) for name in source_files.closure(entries)})
+    modules = sorted({name for package in packages for name in source_files.members(package)})
     parts = [f"{name} {_code_digest(name)}\n" for name in modules]
     parts += [_data_digest(package) for package in packages]
     parts += [f"{name} {_version(name)}\n" for name in NUMERICAL]
@@ -134,7 +134,7 @@ def _source_digest(entries: tuple[str, ...]) -> str:
 @functools.cache
 def _code_digest(name: str) -> str:
     """Return the digest of a module's syntax tree without docstrings."""
-    tree = ast.parse(sources.text(name))
+    tree = ast.parse(source_files.text(name))
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) and ast.get_docstring(node) is not None:
             node.body = node.body[1:]
@@ -144,7 +144,7 @@ def _code_digest(name: str) -> str:
 @functools.cache
 def _data_digest(package: str) -> str:
     """Return names and digests of the data files that the modules of a package read; empty for a name that is no package."""
-    folder = sources.location(package)
+    folder = source_files.location(package)
     if not folder or package.count(".") != 1 or not folder.is_dir():
         return ""
     data_files = sorted(file for file in folder.rglob("*") if file.suffix in DATA and file.name != WRITTEN)
@@ -161,13 +161,13 @@ def _version(package: str) -> str:
 
 def include(top: str) -> None:
     """Include a further top-level package or module in source digests, such as the module of a user's own experiment."""
-    sources.include(top)
+    source_files.include(top)
     forget()
 
 
 def forget() -> None:
     """Forget all source code that has been read, so that the next digest reads the files again."""
-    sources.forget()
+    source_files.forget()
     for function in (_source_digest, _code_digest, _data_digest, _version):
         function.cache_clear()
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radartwin import plugins, sources
+from radartwin import plugins, source_files
 from radartwin.config import plugged
 from radartwin.config.compose import compose
 from radartwin.config.config import SCHEMAS
@@ -57,7 +57,7 @@ def clear() -> None:
     plugins._loaded.cache_clear()
     plugins._installed.cache_clear()
     plugged._schema.cache_clear()
-    sources._tops.difference_update({"radartwin_example", "other_package"})
+    source_files._tops.difference_update({"radartwin_example", "other_package"})
     digest.forget()
 
 

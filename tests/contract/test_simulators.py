@@ -16,7 +16,7 @@ from radartwin.errors import ConfigError, InputError
 from radartwin.scene import objects
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.backends.backend import SIMULATORS, backend
-from radartwin.sources import closure
+from radartwin.source_files import closure
 from radartwin.store.digest import semantic, spec_digest
 
 # The simulator warns of paths that Sionna cannot find; tests/contract/test_sionna.py tests the warnings.

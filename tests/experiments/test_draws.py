@@ -11,7 +11,7 @@ from experiments import cells, draws, statistics
 from experiments.campaign import truth
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import Case, planned
-from experiments.claims import Claim, RowList
+from experiments.verdicts import Claim, RowList
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
 from radartwin.store.products import Store

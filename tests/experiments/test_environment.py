@@ -14,9 +14,9 @@ from fake_campaign import FakeCampaign, config, draw_all, find
 from experiments.campaign import frame
 from experiments.campaign.cases import Case
 from experiments.campaign.columns import AVERAGES
-from experiments.claims import RowList
 from experiments.turntable import environment, operating_points
 from experiments.turntable.operating_points import LEGS_M, Condition, Point
+from experiments.verdicts import RowList
 from radartwin.features.log import Nominal
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result, check_rows

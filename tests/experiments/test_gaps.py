@@ -12,10 +12,10 @@ import pytest
 
 from experiments import cells
 from experiments.campaign.cases import Case, Log
-from experiments.claims import Row
 from experiments.gaps import case_set, gaps, predictions
 from experiments.scans import virtual_scan
 from experiments.statistics import Estimate
+from experiments.verdicts import Row
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.config.study import GapConfig

@@ -20,7 +20,6 @@ from fake_campaign import FakeCampaign, draw_all, find, sides_of
 
 from experiments.campaign import frame
 from experiments.campaign.cases import Case, planned
-from experiments.claims import Claim
 from experiments.generators import choices, feature_floor
 from experiments.recognition import (
     contrastive,
@@ -37,6 +36,7 @@ from experiments.recognition import (
 )
 from experiments.recognition.copies import copies
 from experiments.recognition.protocol import TEXT, Scored, permuted_accuracy
+from experiments.verdicts import Claim
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.features import families

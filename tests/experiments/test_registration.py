@@ -15,11 +15,11 @@ from fake_campaign import FakeCampaign, config, frame_of
 
 from experiments import cells
 from experiments.campaign.frame import Frame
-from experiments.claims import Claim, Row
 from experiments.gaps import headline, registration
 from experiments.recognition.protocol import Scored
 from experiments.rover import rover_fidelity
 from experiments.turntable import turntable_material, turntable_shape
+from experiments.verdicts import Claim, Row
 from radartwin.errors import InputError
 from radartwin.recognize.samples import Samples
 

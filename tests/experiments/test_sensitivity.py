@@ -15,7 +15,7 @@ from experiments.complexity.sensitivity import COST, DEFAULT, ERROR, FIDELITY, F
 from radartwin.config.compose import compose
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import check_rows
-from radartwin.sources import closure
+from radartwin.source_files import closure
 
 CONFIG = compose(["experiment=sensitivity", "profile.resamples=50"])
 RNG = np.random.default_rng(0)

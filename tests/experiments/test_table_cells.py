@@ -15,7 +15,7 @@ from experiments import cells, statistics
 from experiments.campaign import frame as frames
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell, difference, gap, mantel, mean, per, rank_correlation, using
-from experiments.claims import Claim
+from experiments.verdicts import Claim
 from radartwin.errors import ConfigError, InputError
 
 OBJECTS = {"a": "metal", "b": "metal", "c": "plastic", "d": "plastic"}

@@ -10,9 +10,9 @@ import pytest
 from fake_campaign import config
 
 from experiments import statistics
-from experiments.claims import ABOVE, BELOW, EQUAL, NONE, Claim, judge, row, within
 from experiments.recognition.protocol import permuted_accuracy
 from experiments.statistics import Estimate
+from experiments.verdicts import ABOVE, BELOW, EQUAL, NONE, Claim, judge, row, within
 from radartwin.recognize.samples import MEASURED, Part, gather
 from radartwin.runs.experiment import check_rows
 

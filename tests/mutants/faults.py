@@ -356,7 +356,7 @@ process | radar.num_chirps * np.sum(taps**2) | np.sum(taps**2) | the noise floor
 features/processed: features/test_processed
 process | (np.abs(coherent) ** 2).mean(axis=2, dtype=np.float64) | np.abs(coherent.mean(axis=2)) ** 2 | channels are summed coherently
 
-reconstruct/outlines/outline: reconstruct/test_outlines
+reconstruct/outlines/meeting_planes: reconstruct/test_outlines
 _cornered | reach if convex else 0.0 | reach | the inner corner of an L-shaped floor is cut off
 _cornered | abs((at - t) * sine) | abs(at - t) | two walls at 150 degrees do not meet
 _on_cut | np.sign(gap[1] - gap[0])[apart] | 0 | an edge that ends before the neighbouring plane stays there

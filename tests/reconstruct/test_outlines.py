@@ -14,7 +14,7 @@ from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
 from radartwin.radar.processing import decibels
 from radartwin.reconstruct.build import ScanOptions, reconstruct
-from radartwin.reconstruct.outlines import outline
+from radartwin.reconstruct.outlines import meeting_planes
 from radartwin.reconstruct.outlines.assembly import ERROR_M, simplified
 from radartwin.reconstruct.outlines.complete import complete
 from radartwin.reconstruct.outlines.flatten import regular
@@ -140,8 +140,8 @@ def test_edges_move_onto_intersection_lines_and_ragged_edges_become_straight():
     mask[10:110, 10:50] = mask[10:60, 50:90] = True
     for column in range(10, 60):  # one edge of the grid is irregular by up to two cells
         mask[column, 88 : 88 + rng.integers(0, 4)] = True
-    cuts = [outline.meeting_line(grid, normal, offset) for normal, offset in ((X, 0.25), (X, 1.23), (Y, 0.97))]
-    shape = outline.polygon(grid, mask, [cut for cut in cuts if cut is not None], np.zeros((0, 2)))
+    cuts = [meeting_planes.meeting_line(grid, normal, offset) for normal, offset in ((X, 0.25), (X, 1.23), (Y, 0.97))]
+    shape = meeting_planes.polygon(grid, mask, [cut for cut in cuts if cut is not None], np.zeros((0, 2)))
     assert isinstance(shape, Polygon)
     corners = np.array(shape.exterior.coords)[:-1]
     assert len(corners) == 6
@@ -149,7 +149,7 @@ def test_edges_move_onto_intersection_lines_and_ragged_edges_become_straight():
     assert corners[:, 0].min() == pytest.approx(0.25, abs=1e-9)
     assert corners[:, 1].max() == pytest.approx(1.8, abs=0.04)
     assert shape.area == pytest.approx(1.94 * 0.76 + 0.98 * (corners[:, 1].max() - 0.97), abs=0.01)
-    mesh = outline.triangulated(grid, shape)
+    mesh = meeting_planes.triangulated(grid, shape)
     assert mesh is not None
     assert len(mesh.faces) == 4
     assert (mesh.face_normals[:, 2] > 0.999).all()

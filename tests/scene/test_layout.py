@@ -15,9 +15,9 @@ from radartwin.materials import Layered
 from radartwin.scene import objects, rooms
 from radartwin.scene.layouts.anchor import find
 from radartwin.scene.layouts.grammar import parse
+from radartwin.scene.layouts.language_model import read_sentence
 from radartwin.scene.layouts.layout import Layout
 from radartwin.scene.layouts.place import GAP_M, furnish
-from radartwin.scene.layouts.sentences import read_sentence
 from radartwin.scene.layouts.stock import stock
 from radartwin.scene.rooms.parts import Shell
 from radartwin.scene.scene import Scene, Surface

@@ -18,8 +18,8 @@ from radartwin.scene import objects, rooms, textures
 from radartwin.scene.collision import check_path
 from radartwin.scene.layouts.anchor import find
 from radartwin.scene.layouts.grammar import parse
+from radartwin.scene.layouts.language_model import read_sentence
 from radartwin.scene.layouts.layout import Layout
-from radartwin.scene.layouts.sentences import read_sentence
 from radartwin.scene.layouts.stock import stock
 from radartwin.scene.objects import assortment, vessels
 from radartwin.scene.scene import Scene, Surface

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radartwin import sources
+from radartwin import source_files
 from radartwin.config.compose import Composer, compose
 from radartwin.errors import ConfigError, MissingError
 from radartwin.store import digest
@@ -88,7 +88,7 @@ def source_digest(*entries: str) -> str:
 
 
 def test_closure_follows_imports_in_functions_and_relative_ones_but_not_those_for_type_checkers(package: Path) -> None:
-    reached = sources.closure(("study_x.top",))
+    reached = source_files.closure(("study_x.top",))
     assert reached == {"study_x", "study_x.top", "study_x.near", "study_x.near.middle", "study_x.near.leaf"}
 
 
@@ -131,7 +131,7 @@ def test_a_name_that_radartwin_loads_on_first_use_counts_with_its_module(package
     def reached(statement: str) -> frozenset[str]:
         (package / "top.py").write_text(statement)
         digest.forget()
-        return sources.closure(("study_x.top",))
+        return source_files.closure(("study_x.top",))
 
     everything = reached("import radartwin as rt\n")
     assert {"radartwin.radar.chirp", "radartwin.simulation.simulate"} <= everything
@@ -145,7 +145,7 @@ def test_recordings_do_not_depend_on_code_that_learns_or_reports() -> None:
     if not (Path(digest.__file__).parents[2] / "experiments").is_dir():
         pytest.skip("the installed package has no folder experiments/ beside it; run this test in a checkout")
     for entry in ("experiments.campaign.truth", "experiments.campaign.twin", "radartwin.simulation"):
-        packages = {".".join(name.split(".")[:2]) for name in sources.closure((entry,))}
+        packages = {".".join(name.split(".")[:2]) for name in source_files.closure((entry,))}
         assert "radartwin.simulation" in packages
         assert not packages & {"experiments.recognition", "experiments.gaps", "radartwin.recognize", "radartwin.runs", "radartwin.plotting"}
 

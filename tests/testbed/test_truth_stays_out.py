@@ -15,7 +15,7 @@ from radartwin.config.study import GapConfig
 from radartwin.io.progress import Progress
 from radartwin.radar.antenna_errors import AntennaErrors
 from radartwin.radar.dca1000 import frame_shape
-from radartwin.sources import closure
+from radartwin.source_files import closure
 from radartwin.store.digest import spec_digest
 from radartwin.store.products import Product
 

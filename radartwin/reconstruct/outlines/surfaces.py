@@ -18,7 +18,7 @@ from shapely import MultiPoint
 from shapely.geometry.base import BaseGeometry
 
 from radartwin.reconstruct.mesh_distance import covered
-from radartwin.reconstruct.outlines import outline
+from radartwin.reconstruct.outlines import meeting_planes
 from radartwin.reconstruct.outlines.complete import Completed, complete, spanned, within
 from radartwin.reconstruct.outlines.flatten import regular
 from radartwin.reconstruct.outlines.seen_points import Cameras, Sight
@@ -147,7 +147,7 @@ def _weld(flats: Sequence[Flat]) -> None:
     if not flats:
         return
     vertices = np.vstack([flat.mesh.vertices for flat in flats])
-    _, part = connected_components(KDTree(vertices).sparse_distance_matrix(KDTree(vertices), outline.WELD_M), directed=False)
+    _, part = connected_components(KDTree(vertices).sparse_distance_matrix(KDTree(vertices), meeting_planes.WELD_M), directed=False)
     first = np.unique(part, return_index=True)[1]
     welded = np.split(vertices[first[part]], np.cumsum([len(flat.mesh.vertices) for flat in flats])[:-1])
     for flat, corners in zip(flats, welded, strict=True):
@@ -195,11 +195,11 @@ def _outlined(room: _Room, group: list[int]) -> tuple[list[Flat], Completed]:
 
     cuts, borders = _cuts(room, grid, group), {k: room.border[k] @ grid.axes.T for k in group}
     whole_border = np.vstack(list(borders.values()))
-    rest = outline.polygon(grid, done.mask, cuts, whole_border)
+    rest = meeting_planes.polygon(grid, done.mask, cuts, whole_border)
     flats: list[Flat] = []
     for pane in done.panes:
-        shape = outline.polygon(grid, masks.closed(pane, 1), cuts, whole_border, edge=0.5)
-        piece = outline.triangulated(grid, shape)
+        shape = meeting_planes.polygon(grid, masks.closed(pane, 1), cuts, whole_border, edge=0.5)
+        piece = meeting_planes.triangulated(grid, shape)
         if piece is not None:
             flats.append(Flat(-1, piece, grid, group[0], float(shape.area)))
             rest = rest.difference(shape)
@@ -207,12 +207,12 @@ def _outlined(room: _Room, group: list[int]) -> tuple[list[Flat], Completed]:
         # The part is first extended beyond the border of the whole plane. The intersection with `rest` then cuts it at this border.
         part = masks.closed(parts[k], radius) & ~np.any([parts[j] for j in group if j != k], axis=0)
         part |= masks.dilated(part, 2, part | ~whole)
-        shape = (outline.rectangle(grid, part) or outline.polygon(grid, part, cuts, borders[k], edge=0.0)).intersection(rest)
-        piece = outline.triangulated(grid, shape)
+        shape = (meeting_planes.rectangle(grid, part) or meeting_planes.polygon(grid, part, cuts, borders[k], edge=0.0)).intersection(rest)
+        piece = meeting_planes.triangulated(grid, shape)
         if piece is not None:
             flats.append(Flat(k, piece, grid))
             rest = rest.difference(shape)
-    piece = outline.triangulated(grid, _without_slivers(rest, grid.cell_m))
+    piece = meeting_planes.triangulated(grid, _without_slivers(rest, grid.cell_m))
     if piece is not None:
         flats.append(Flat(group[0], piece, grid, filled_m2=done.filled_m2, seen=whole))
     return flats, done
@@ -233,7 +233,7 @@ def _grid(room: _Room, group: list[int], limits: bool) -> tuple[Grid, dict[int, 
     return (Grid.around(points, root.normal, root.offset_m, cell, angle_rad) if angle_rad else grid), samples
 
 
-def _cuts(room: _Room, grid: Grid, group: list[int]) -> list[outline.Cut]:
+def _cuts(room: _Room, grid: Grid, group: list[int]) -> list[meeting_planes.Cut]:
     """Return the lines in which other planes cut the plane of the grid: the planes that touch the group, and the bounds of the room."""
     touching: dict[int, list[np.ndarray]] = {int(k): [] for k in np.flatnonzero(room.bounds)}
     for member in group:
@@ -247,7 +247,7 @@ def _cuts(room: _Room, grid: Grid, group: list[int]) -> list[outline.Cut]:
             larger = (s for b, s in enumerate(room.segments[:k]) if room.bounds[b] and s.normal is not None)
             whole = room.bounds[k] and not any(s.normal @ normal > COPLANAR and abs(s.offset_m - offset) < BESIDE_M for s in larger)
             if whole or places:
-                cuts.append(outline.meeting_line(grid, normal, offset, None if whole else np.vstack(places)))
+                cuts.append(meeting_planes.meeting_line(grid, normal, offset, None if whole else np.vstack(places)))
     return [cut for cut in cuts if cut is not None]
 
 
@@ -271,6 +271,6 @@ def _main_angle(grid: Grid, main_rad: float, points: np.ndarray, limits: bool) -
 
 def _without_slivers(shape: BaseGeometry, cell: float) -> BaseGeometry:
     """Remove the parts of a polygon that are narrower than a grid cell, without rounding the corners of the polygon."""
-    shape = shape.simplify(outline.WELD_M, preserve_topology=False)  # without the holes of rounding errors that differences leave
+    shape = shape.simplify(meeting_planes.WELD_M, preserve_topology=False)  # without the holes of rounding errors that differences leave
     opened = shape.buffer(-cell / 2, join_style="mitre").buffer(cell / 2, join_style="mitre")
     return opened if not opened.is_empty else shape

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from analysis import main, registry
-from experiments import together
+from experiments import shared_simulations
 from experiments.campaign.campaign import Campaign, joined, make_together
 from experiments.campaign.schedule import RecordingTask
 from experiments.recognition import copies
@@ -27,8 +27,12 @@ def config_of(name: str, output: Path) -> Config:
 
 def test_recordings_of_all_tables_are_simulated_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     given: dict[str, Any] = {}
-    monkeypatch.setattr(together, "make_together", lambda missing, jobs, progress, calls: given.update(missing=missing, calls=calls))
-    together.simulate([config_of(name, tmp_path) for name in registry.of_profile("quick")], Progress(quiet=True))
+
+    def keep(missing: Any, jobs: int, progress: Progress, calls: Any) -> None:
+        given.update(missing=missing, calls=calls)
+
+    monkeypatch.setattr(shared_simulations, "make_together", keep)
+    shared_simulations.simulate([config_of(name, tmp_path) for name in registry.of_profile("quick")], Progress(quiet=True))
     for name in ("turntable_shape", "linear_rail", "rover_fidelity", "labelled_probe", "material_errors"):
         campaign = Campaign(config_of(name, tmp_path), Store(tmp_path / "cache"), Progress(quiet=True))
         assert campaign.missing(campaign.plan()).keys() <= given["missing"].keys()
@@ -86,7 +90,7 @@ def test_recordings_come_first_and_run_times_last(tmp_path: Path, monkeypatch: p
 
     monkeypatch.setattr(workers, "worker_count", lambda jobs, items: count)
     monkeypatch.setattr(workers, "run", inline)
-    monkeypatch.setattr(together, "simulate", lambda configs, progress: done.append("simulated"))
+    monkeypatch.setattr(shared_simulations, "simulate", lambda configs, progress: done.append("simulated"))
     monkeypatch.setattr(main, "_made", made)
     succeeded, _ = main._run(["speed_accuracy", "labels", "complexity", "positioning"], "quick", tmp_path)
     assert done == ["simulated", "labels", "positioning", "speed_accuracy", "complexity"]

@@ -2,22 +2,22 @@
 
 import json
 
-import fixed
+import fixed_numbers
 import numpy as np
 import pytest
 
 pytestmark = pytest.mark.net
 
 
-@pytest.mark.parametrize("name", fixed.SIMULATIONS)
+@pytest.mark.parametrize("name", fixed_numbers.SIMULATIONS)
 def test_samples_of_a_simulation(name: str) -> None:
-    expected = np.load(fixed.SAMPLES)[name]
-    np.testing.assert_allclose(fixed.SIMULATIONS[name](), expected, rtol=0, atol=1e-9 * abs(expected).max())
+    expected = np.load(fixed_numbers.SAMPLES)[name]
+    np.testing.assert_allclose(fixed_numbers.SIMULATIONS[name](), expected, rtol=0, atol=1e-9 * abs(expected).max())
 
 
-@pytest.mark.parametrize("name", fixed.TABLES)
+@pytest.mark.parametrize("name", fixed_numbers.TABLES)
 def test_rows_of_a_table(name: str) -> None:
-    rows, expected = fixed.rows(name), json.loads(fixed.ROWS.read_text())[name]
+    rows, expected = fixed_numbers.rows(name), json.loads(fixed_numbers.ROWS.read_text())[name]
     assert len(rows) == len(expected)
     for row, stored in zip(rows, expected, strict=True):
         assert row.keys() == stored.keys()

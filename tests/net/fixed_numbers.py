@@ -1,6 +1,6 @@
 """Fixed simulations, and the rows of tables over one fixed frame of readings: what no change of structure may change.
 
-`python tests/net/fixed.py` stores the present numbers, after a change of results that CHANGELOG.md names.
+`python tests/net/fixed_numbers.py` stores the present numbers, after a change of results that CHANGELOG.md names.
 """
 
 from __future__ import annotations
