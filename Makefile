@@ -17,7 +17,7 @@ tables: setup
 test: setup-test llvm
 	@$(PY) -m pytest -q -n 2 --dist worksteal
 
-# What no change of structure may change: fixed simulations and rows of tables to 1e-9, the verbs, and the refusals. Two minutes.
+# What no change of structure may change: fixed simulations and rows of tables to 1e-9, the verbs, and the refusals.
 net: setup-test llvm
 	@$(PY) -m pytest -q -n 2 -m "net or not slow and not gpu" tests/net tests/faults tests/end_to_end/test_cli.py tests/end_to_end/test_cli_mistakes.py
 

@@ -206,5 +206,5 @@ if __name__ == "__main__":
     try:
         check_out(given.out)
     except ValueError as error:
-        sys.exit(f"build.py: {error}")
+        sys.exit(f"build_site.py: {error}")
     print(build(given.out, execute=not given.no_execution))

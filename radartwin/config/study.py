@@ -235,8 +235,9 @@ class CampaignConfig:
 
 @dataclass
 class StrengthCampaignConfig(CampaignConfig):
-    """The recordings at which the table `headline` compares strengths of the gaps: the campaign of the quick profile with more objects and
-    distances, because some claims need two recordings of each object or more than six objects. `profile.campaign` does not change it.
+    """The recordings at which the table `headline` compares strengths of the gaps: the campaign of the quick profile with more draws,
+    objects and distances, because some claims need two recordings of each object or more than six objects. `profile.campaign` does not
+    change it.
     """
 
     OPTION: ClassVar[str] = "profile.strength_campaign"

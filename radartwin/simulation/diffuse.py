@@ -7,7 +7,7 @@ direction to the radar is theta. Between isotropic antennas, the ratio of receiv
     D = (1 - rho_s(theta)^2) |Gamma(0)|^2
 
 In these formulas, rho_s is Ament's roughness factor, and Gamma(0) is the reflection coefficient of the smooth surface at normal incidence.
-The function p is the lobe of Kirchhoff scattering in the direction back to the radar (`materials.kirchhoff`); its integral over the
+The function p is the lobe of Kirchhoff scattering in the direction back to the radar (`materials.scatter_lobe`); its integral over the
 half-space is 1. The ray tubes and mirror images of the simulator reflect the power fraction rho_s^2 |Gamma(theta)|^2. On a metal, mirror
 reflection and diffuse scattering together therefore contain all of the incident power.
 

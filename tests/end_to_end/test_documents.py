@@ -194,3 +194,11 @@ def test_checks_that_concepts_names_are_checks() -> None:
     checks = {word for word in re.findall(r"`([^`/\n]+)`", named) if re.fullmatch(r"[a-z0-9.-]+", word)}
     assert checks
     assert checks <= {case.name for case in CASES}
+
+
+def test_the_index_links_every_page() -> None:
+    index = (DOCS / "README.md").read_text()
+    links = {(DOCS / target).resolve() for target in re.findall(r"\]\(([^)#\s]+)\)", index)}
+    wanted = {page.resolve() for page in PAGES if page.parent == DOCS} - {DOCS / "README.md"}
+    assert wanted | {(DOCS / "tutorial.ipynb").resolve()} <= links
+    assert {DOCS / "decisions", DOCS / "results/README.md"} <= links

@@ -20,7 +20,7 @@ SITE = ROOT / "docs" / "site"
 def builder() -> dict:
     before = list(sys.path)
     try:
-        return runpy.run_path(str(SITE / "build.py"))
+        return runpy.run_path(str(SITE / "build_site.py"))
     finally:
         sys.path[:] = before
 
@@ -42,7 +42,7 @@ def test_every_page_of_the_documents_is_placed_and_its_formulas_are_drawn(builde
 
 def test_a_wrong_folder_of_the_site_is_one_line(builder, tmp_path: Path) -> None:
     (tmp_path / "page.md").write_text("kept")
-    command = [sys.executable, str(SITE / "build.py"), "--out", str(tmp_path), "--no-execution"]
+    command = [sys.executable, str(SITE / "build_site.py"), "--out", str(tmp_path), "--no-execution"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (1, "", 1)
     assert "holds files and no earlier site" in done.stderr

@@ -35,7 +35,7 @@ def test_rows_of_draws_join_by_their_conditions() -> None:
 
 
 def test_each_draw_has_seeds_of_its_own_and_the_first_has_the_configured_seed(tmp_path) -> None:
-    settings = config("turntable_shape", "seed=7")
+    settings = config("turntable_shape", "seed=7", "profile.campaign.draws=3")
     case = Case("mug", "lab", "turntable", 1.0)
     roots = [truth.root_of(dataclasses.replace(case, draw=k), settings) for k in range(3)]
     assert roots[0] == 7
@@ -49,9 +49,9 @@ def test_each_draw_has_seeds_of_its_own_and_the_first_has_the_configured_seed(tm
     )
     assert {recording.draw for recording in planned(campaign, measured=False)} == {0}
     assert {recording.draw for recording in Campaign(settings, Store(tmp_path), QUIET, draw=1).cases("measured")} == {1}
-    assert draws.numbers(config("turntable_shape", "measured.draw=2")) == [2]
+    assert draws.numbers(config("turntable_shape", "profile.campaign.draws=3", "measured.draw=2")) == [2]
     with pytest.raises(ConfigError, match=r"measured\.draw=2: the draws of drives are 0 to 0 in profile=quick"):
-        draws.numbers(config("rover_fidelity", "measured.draw=2"), rover=True)
+        draws.numbers(config("rover_fidelity", "profile.campaign.draws=3", "measured.draw=2"), rover=True)
     registered = config("headline", "profile=paper", "profile.campaign.first_draw=100")
     assert (draws.numbers(registered), draws.numbers(registered, rover=True)) == (list(range(100, 110)), [100, 101, 102])
     assert {recording.draw for recording in planned(registered.profile.campaign, measured=True) if recording.motion == "turntable"} == set(
@@ -73,4 +73,4 @@ def test_further_parts_follow_the_profile_and_switch_off_the_gaps_of_the_target(
     off = {name for name, strength in dataclasses.asdict(exact.config.measured.gap).items() if strength == 0}
     assert off == {*draws.OBJECT_GAPS, "unscanned_echoes"}
     with pytest.raises(ConfigError, match=r"measured\.draw=2: the draws of drives are 0 to 0"):
-        draws.Query(config("rover_fidelity", "measured.draw=2"), ("lateral",)).wanted(Store(tmp_path), QUIET)
+        draws.Query(config("rover_fidelity", "profile.campaign.draws=3", "measured.draw=2"), ("lateral",)).wanted(Store(tmp_path), QUIET)

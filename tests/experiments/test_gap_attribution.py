@@ -13,7 +13,7 @@ from fake_campaign import FakeCampaign
 
 from experiments.campaign import twin
 from experiments.campaign.cases import Case
-from experiments.gaps import coalitions
+from experiments.gaps import coalitions, gap_attribution
 from experiments.gaps.coalitions import ERROR, LABELS, PROFILE, RECOGNITION, SCORES, Sides, configured, losses, recognised_shares, side
 from experiments.gaps.gap_attribution import ALL, ALONE, CLAIMS, FILLED, LEFT_OUT, PLANS, SHARE, Plan, chart, table
 from experiments.gaps.shapley import Coalition, shares
@@ -21,6 +21,8 @@ from experiments.gaps.shapley import coalitions as subsets
 from experiments.recognition import transfer
 from experiments.recognition.protocol import correct
 from experiments.recognition.readings import frames
+from experiments.statistics import Estimate
+from experiments.verdicts import EQUAL
 from radartwin.config.compose import compose
 from radartwin.config.study import GapConfig
 from radartwin.features.processed import Processed
@@ -193,3 +195,13 @@ def test_simulated_recordings_of_a_can_and_a_bottle_lose_to_contents_and_placeme
         again.prepare(plan.needed())
     assert counts.simulated == 0
     assert again.keys == sides.keys
+
+
+def test_a_loss_below_the_least_effect_is_a_direction_and_no_effect_has_a_margin() -> None:
+    for (score, gap, _, measure), claim in CLAIMS.items():
+        assert claim.bound != 0.0
+        if (gap, measure) in (("geometry", ALONE), ("hardware", SHARE), ("object", ALONE)) and score != RECOGNITION:
+            least = gap_attribution.LEAST[score]
+            verdicts = [claim.columns(Estimate(value, value - 0.01, value + 0.01, 5))["verdict"] for value in (least - 0.02, least + 0.02)]
+            assert verdicts == ["direction shown", "supported"]
+    assert {claim.margin for claim in CLAIMS.values() if claim.direction == EQUAL} == {0.05, *gap_attribution.LEAST.values()}

@@ -13,12 +13,12 @@ from radartwin.runs.experiment import load
 from radartwin.store.products import Store
 
 REFUSED: list[tuple[str, str, str]] = [
-    ("turntable_shape", "measured.draw=3", "measured.draw=3 does not exist: the draws of profile=quick are 0 to 2"),
+    ("turntable_shape", "measured.draw=1", "measured.draw=1 does not exist: the draws of profile=quick are 0 to 0"),
     ("turntable_shape", "measured.draw=-1", "measured.draw=-1 must be zero or above"),
     ("turntable_shape", "measured.gap.object_shape=-0.5", "object_shape"),
     ("turntable_shape", "measured.gap.antennas=1", "antennas"),
     *(("turntable_shape", f"measured.gap.clutter={value}", "must be from 0 to 4") for value in ("4.5", "nan")),
-    ("rover_fidelity", "measured.draw=2", "measured.draw=2: the draws of drives are 0 to 0"),
+    ("rover_fidelity", "profile.campaign.draws=3 measured.draw=2", "measured.draw=2: the draws of drives are 0 to 0"),
     *(("environment", override, "not read by experiment=environment")
       for override in ("scene=atrium", "scene.target=plate", "trajectory=static")),
     *((name, "measured.gap.clutter=0", "leave measured.gap out") for name in ("gaps", "gap_attribution")),

@@ -1,4 +1,4 @@
-"""Reflection and transmission of stacks, independently of the package, for the time factor exp(+j omega t)."""
+"""Reflection and transmission of stacks, independently of the package where FITS has the material, for the time factor exp(+j omega t)."""
 
 import numpy as np
 

@@ -8,10 +8,12 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
+import radartwin as rt
 from experiments.validation.oracles import stack
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
 from radartwin.simulation import diffuse, geometry, variant
+from radartwin.simulation.backends.mitsuba import MitsubaBackend
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.backends.track_paths import Track
 from radartwin.simulation.paths import Paths
@@ -262,3 +264,37 @@ def test_room_and_other_bodies_hide_the_cloud_of_a_body():
     assert (found.departure[:, 2] > 0).all()
     (free,) = diffuse.of_scene(None, bodies((plate, away)), ISOTROPIC, at((0, 0, 0), (0, 0, 0)))
     assert len(found) == (free.departure[:, 2] > 0).sum()
+
+
+def test_directional_antennas_have_no_paths_behind():
+    behind = WALL.replaced(mesh=rectangle(-2.0, (-1.5, -1.0), (1.5, 1.5)))
+    assert len(traced([behind], at((0, 0, 0)), radar=Radar.iwr1843(), count=500)) == 0
+    assert len(traced([behind], at((0, 0, 0)), count=500)) > 400
+
+
+def test_pruned_points_have_less_power_than_stated(monkeypatch):
+    wide = WALL.replaced(mesh=rectangle(0.3, (-6.0, -6.0), (6.0, 6.0)))
+    found = np.abs(traced([wide], at((0, 0, 0)), count=20_000).amplitude) ** 2
+    monkeypatch.setattr(diffuse, "DIFFUSE_POWER", 0.0)
+    everything = np.abs(traced([wide], at((0, 0, 0)), count=20_000).amplitude) ** 2
+    assert len(found) < 0.9 * len(everything)
+    assert 0 < 1 - found.sum() / everything.sum() < 1.5e-4
+
+
+def turning(frames: int, x: float = 1.0) -> np.ndarray:
+    poses = np.array([trimesh.transformations.rotation_matrix(0.3 * i, [0, 0, 1]) for i in range(frames)])
+    poses[:, 0, 3] = x
+    return poses
+
+
+def test_simulator_adds_the_cloud_of_moving_objects():
+    """The paths of a moving rough can contain its diffuse power, and the paths of a smooth can do not."""
+    can = Surface(trimesh.creation.cylinder(0.033, 0.12, sections=64), "metal", "can")
+    poses = turning(3, 1.5)
+    for sigma, diffuse_wanted in ((0.2e-3, True), (0.0, False)):
+        scene = rt.Scene([can.replaced(roughness_m=sigma, correlation_m=3e-3)])
+        with_cloud, without = (
+            MitsubaBackend(TraceSettings(diffuse=on)).paths(scene, ISOTROPIC, at(*((0, 0, 0),) * 3), {"can": poses}) for on in (True, False)
+        )
+        more = sum(map(len, with_cloud)) - sum(map(len, without))
+        assert (more > 0) == diffuse_wanted

@@ -20,6 +20,7 @@ from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import SceneError
 from radartwin.scene import objects, rooms
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
+from radartwin.simulation.backends.track_paths import Track
 from radartwin.simulation.flat import field
 from radartwin.simulation.flat import room as flat_room
 from radartwin.simulation.flat.faces import Faces
@@ -476,3 +477,33 @@ def test_inner_corner_continues_the_wave_that_both_faces_reflect(opening, source
     np.testing.assert_allclose(matrix, exact, atol=1e-4)
     back = np.reshape(doubled(wedge, te, tm, phi0, there, sine, -cosine), (2, 2))
     np.testing.assert_allclose(np.abs(back), np.abs(matrix.T), atol=1e-9)
+
+
+def test_no_path_along_a_motion_is_listed_in_both_directions():
+    """A path with edges and its reverse are one sequence, at whichever place it was found. The search orders arrivals at an edge by their
+    strength, which differs from place to place.
+    """
+    drives = Track.of_drives(list(rooms.lab(detail="furnished")), RADAR, along((0.4, -0.15, 0.4), (0.4, 0.15, 0.4), 4), TraceSettings())
+    searched = drives.searched
+    assert searched is not None
+    every = searched.sequences
+    listed = set()
+    for count, edge, chain in zip(every.count, every.edge, every.chain, strict=True):
+        faces = chain[: count.sum()].tolist()
+        listed.add((tuple(count), tuple(edge), tuple(faces)))
+        if edge[0] >= 0 and edge[1] < 0 and (count[0], faces) != (count[2], faces[::-1]):
+            assert ((count[2], count[1], count[0]), tuple(edge), tuple(faces[::-1])) not in listed
+    assert len(listed) == len(every) > 500
+
+
+def share_above(y, z):
+    """Return the echo of a plate of 6 m x 6 m at 1 m over that of an infinite mirror, for a sensor beside the plate's middle."""
+    panel = rt.Scene([rt.Surface(objects.plate(6.0, 6.0), "metal", "wall", role="room")])
+    signal = [fields(paths_of(panel, looking((-1.0, y + hair, z + hair / 3))), 1)[0] for hair in (0.0, 1e-9, -1e-6)]
+    return np.abs(signal) * 8 * np.pi / WAVELENGTH
+
+
+def test_sensor_above_an_edge_sees_half_an_image_and_above_a_corner_a_quarter():
+    """A small offset of the sensor does not change this. The wave of the corner is minus the product of the waves of its two edges."""
+    for y, z, share in ((3.0, 0.0, 0.5), (0.0, 0.0, 1.0), (3.0, 3.0, 0.25)):
+        assert share_above(y, z) == pytest.approx(share, abs=0.01)

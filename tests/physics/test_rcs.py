@@ -87,3 +87,11 @@ def test_wrong_arguments_are_named(arguments):
     given = {"direction": [1, 0, 0], **arguments}
     with pytest.raises(ValueError, match=next(iter(arguments))):
         rt.rcs(objects.sphere(0.05), given.pop("direction"), **given)
+
+
+@pytest.mark.parametrize("distance", [10.0, 50.0])
+def test_multiple_bounces_do_not_fade_with_distance(distance):
+    """The float32 rounding of a distant source position must not put hits behind the facet that the ray hits."""
+    for mesh in (objects.dihedral(0.05, 0.1), objects.trihedral(0.1)):
+        far = rt.rcs(mesh, [1, 0, 0], rays_per_wavelength2=4)
+        assert db(rt.rcs(mesh, [1, 0, 0], distance=distance, rays_per_wavelength2=4) / far) == pytest.approx(0, abs=0.15)

@@ -43,7 +43,7 @@ class Learner(Protocol):
 
     Attributes:
         reads: the rows that the learner takes. "features" are feature vectors of comparable scales, as `probes.standardised` returns them.
-            "pictures" are flattened pictures (`features.pictures.flattened`), with levels from 0 to 1 that are not scaled further.
+            "pictures" are flattened pictures (`features.range_time.flattened`), with levels from 0 to 1 that are not scaled further.
     """
 
     @property
