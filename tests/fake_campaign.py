@@ -4,9 +4,11 @@ domains: the measured recordings differ in gain, noise, room echoes and slightly
 
 from __future__ import annotations
 
+import copy
 import functools
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
+from typing import Any
 
 import numpy as np
 
@@ -55,6 +57,12 @@ class FakeCampaign:
         self.radar = Radar.iwr1843()
         self.range_m = range_axis(self.radar, self.radar.num_samples)
         self.range_m = self.range_m[self.range_m <= MAX_RANGE_M]
+
+    def with_materials(self, materials: Any) -> FakeCampaign:
+        """Return the campaign with a simulated room of another material source."""
+        other = copy.copy(self)
+        other.materials, other.made = materials.source, {}
+        return other
 
     def cases(self, domain: str, **chosen) -> list[Case]:
         found = [

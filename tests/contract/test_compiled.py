@@ -113,7 +113,7 @@ def test_a_change_in_another_file_compiles_its_callers_again(tmp_path):
     package = tmp_path / "radartwin"
     package.mkdir()
     (package / "__init__.py").touch()
-    for source in (compiled_module.__file__, compiled_module.sources.__file__):
+    for source in (compiled_module.__file__, compiled_module.source_files.__file__):
         shutil.copy(str(source), package)
     (package / "caller.py").write_text(CALLER)
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
