@@ -22,7 +22,7 @@ import numpy as np
 
 from experiments.speed import problems as speed
 from experiments.validation.oracles import fullwave, furnished
-from radartwin.benchmark import frozen
+from radartwin.benchmark import frozen_problems
 from radartwin.features.profile import FAR_M, NEAR_M
 from radartwin.io import files
 from radartwin.radar.chirp import Radar
@@ -134,20 +134,20 @@ def _radar(radar: Radar) -> dict[str, Any]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Write the frozen problems and answers of the benchmark.")
-    parser.add_argument("--output", type=Path, default=frozen.FOLDER, help="folder of the files (default: the package's)")
+    parser.add_argument("--output", type=Path, default=frozen_problems.FOLDER, help="folder of the files (default: the package's)")
     folder = parser.parse_args().output
     if not fullwave.GIVEN.is_dir():
         parser.error(f"the reference data {fullwave.GIVEN} are missing; copy them, because they hold nine of the full-wave rooms")
     entries = {}
     for problem in problems():
         arrays, entry = arrays_and_entry(problem)
-        content = frozen.packed(arrays)
+        content = frozen_problems.packed(arrays)
         files.write_atomically(folder / entry["file"], content)
         name = entry["file"].removesuffix(".npz")
         entries[name] = {"title": entry["title"], "sha256": hashlib.sha256(content).hexdigest(), **entry}
         print(f"{name}: {len(entry['scenarios'])} scenarios, {len(content):,} bytes", flush=True)
-    index = {"format": frozen.FORMAT, "version": VERSION, "licence": "Apache-2.0", "problems": entries}
-    files.write_atomically(folder / frozen.INDEX, json.dumps(index, indent=1) + "\n")
+    index = {"format": frozen_problems.FORMAT, "version": VERSION, "licence": "Apache-2.0", "problems": entries}
+    files.write_atomically(folder / frozen_problems.INDEX, json.dumps(index, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from radartwin.benchmark.frozen import Problem, Scenario
+from radartwin.benchmark.frozen_problems import Problem, Scenario
 from radartwin.errors import InputError
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene

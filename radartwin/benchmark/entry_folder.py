@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from radartwin.benchmark import frozen
-from radartwin.benchmark.frozen import Problem
+from radartwin.benchmark import frozen_problems
+from radartwin.benchmark.frozen_problems import Problem
 from radartwin.errors import InputError, MissingError
 from radartwin.io import files
 from radartwin.radar.chirp import Radar
@@ -53,19 +53,19 @@ def write(
     folder, checked, seconds, entries = Path(folder), {}, {}, {}
     for name, given in signals.items():
         where = f"{method}: problem {name}"
-        checked[name] = _checked(frozen.problem(name), {key: np.asarray(value) for key, value in given.items()}, where)
+        checked[name] = _checked(frozen_problems.problem(name), {key: np.asarray(value) for key, value in given.items()}, where)
         if name not in seconds_per_frame:
             raise InputError(f"{where} has no entry in seconds_per_frame; give the wall seconds per frame of each problem")
         seconds[name] = _checked_seconds(seconds_per_frame[name], where)
     for name, arrays in checked.items():
-        radar = frozen.problem(name).radar
-        content = frozen.packed(arrays)
+        radar = frozen_problems.problem(name).radar
+        content = frozen_problems.packed(arrays)
         files.write_atomically(folder / f"{name}.npz", content)
         entries[name] = {
             "file": f"{name}.npz", "sha256": hashlib.sha256(content).hexdigest(), "frequencies": frequency_grid(radar),
             "shapes": {key: list(value.shape) for key, value in arrays.items()}, "seconds_per_frame": seconds[name],
         }  # fmt: skip
-    described = {"format": FORMAT, "method": method, "machine": machine, "answers_version": frozen.version(), "problems": entries}
+    described = {"format": FORMAT, "method": method, "machine": machine, "answers_version": frozen_problems.version(), "problems": entries}
     files.write_atomically(folder / DESCRIPTION, json.dumps(described, indent=1) + "\n")
     return folder
 
@@ -80,16 +80,16 @@ def read(folder: Path) -> tuple[dict[str, Any], dict[str, tuple[dict[str, np.nda
         InputError: a file is damaged, or has another version, checksum, frequency grid or shape than it must have.
     """
     path = folder / DESCRIPTION
-    described = frozen.described(path, FORMAT, REMEDY)
+    described = frozen_problems.described(path, FORMAT, REMEDY)
     _check_names(described.get("method"), described.get("machine") or "", str(path))
-    if described.get("answers_version") != frozen.version():
+    if described.get("answers_version") != frozen_problems.version():
         raise InputError(
-            f"{path}: answers_version is {described.get('answers_version')!r}, but this benchmark has version {frozen.version()!r}; "
-            "run the method on the problems of this version"
+            f"{path}: answers_version is {described.get('answers_version')!r}, but this benchmark has version "
+            f"{frozen_problems.version()!r}; run the method on the problems of this version"
         )
     problems = described.get("problems")
     if not isinstance(problems, dict) or not problems:
-        raise InputError(f"{path}: 'problems' must list at least one of {', '.join(frozen.names())}")
+        raise InputError(f"{path}: 'problems' must list at least one of {', '.join(frozen_problems.names())}")
     return described, {name: _problem(folder, name, entry) for name, entry in problems.items()}
 
 
@@ -106,11 +106,11 @@ def _check_names(method: Any, machine: Any, where: str) -> None:
 
 def _problem(folder: Path, name: str, entry: Any) -> tuple[dict[str, np.ndarray], float]:
     where = f"{folder / DESCRIPTION}, problem {name}"
-    if name not in frozen.names():
-        raise InputError(f"{where}: this problem is not known; choose one of {', '.join(frozen.names())}")
+    if name not in frozen_problems.names():
+        raise InputError(f"{where}: this problem is not known; choose one of {', '.join(frozen_problems.names())}")
     if not isinstance(entry, dict) or not isinstance(entry.get("file"), str):
         raise InputError(f"{where}: 'file' must name the .npz file; {REMEDY}")
-    problem = frozen.problem(name)
+    problem = frozen_problems.problem(name)
     _check_frequencies(problem.radar, entry.get("frequencies"), where)
     seconds = _checked_seconds(entry.get("seconds_per_frame"), where)
     path = files.inside(folder, entry["file"])

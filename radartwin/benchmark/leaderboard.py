@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from radartwin.benchmark import entrants, entry_folder, frozen
-from radartwin.benchmark.frozen import Problem
+from radartwin.benchmark import entrants, entry_folder, frozen_problems
+from radartwin.benchmark.frozen_problems import Problem
 from radartwin.benchmark.signal_error import Errors, compare
 from radartwin.compiled import cores
 from radartwin.errors import InputError
@@ -42,7 +42,7 @@ def row(method: str, problem: Problem, signals: Mapping[str, np.ndarray], second
     errors = score(problem, signals)
     frames = sum(scenario.scored for scenario in problem.scenarios)
     values = (
-        method, problem.name, f"{errors.profile_db:.3f}", f"{errors.signal:.4f}", f"{seconds:.3g}", frozen.version(),
+        method, problem.name, f"{errors.profile_db:.3f}", f"{errors.signal:.4f}", f"{seconds:.3g}", frozen_problems.version(),
         f"{errors.free_db:.3f}", f"{errors.offset_db:.2f}", frames, problem.known_error, problem.rests_on, machine,
     )  # fmt: skip
     return dict(zip(COLUMNS, values, strict=True))
@@ -65,7 +65,7 @@ def benchmark(output: Path, methods: Sequence[str], problem_names: Sequence[str]
     lock = path.with_name(f".{NAME}.lock")
     files.drop_stale(lock)
     kept = _read(path)  # before the first run, so that a file with other columns is refused early
-    problems = [frozen.problem(name) for name in dict.fromkeys(problem_names or frozen.names())]
+    problems = [frozen_problems.problem(name) for name in dict.fromkeys(problem_names or frozen_problems.names())]
     entered = [_entered(name, problems) for name in dict.fromkeys(methods or [entrant.name for entrant in entrants.METHODS])]
     for score_method in entered:
         rows = score_method(say)
@@ -73,7 +73,7 @@ def benchmark(output: Path, methods: Sequence[str], problem_names: Sequence[str]
         with files.lock(lock):
             stored = _read(path)  # again, because another run may have added rows while the method ran
             kept = [old for old in stored if (old["method"], old["problem"]) not in replaced] + rows
-            kept = [old for old in kept if old["answers_version"] == frozen.version()]
+            kept = [old for old in kept if old["answers_version"] == frozen_problems.version()]
             files.write_atomically(path, _text(kept))
     return path, kept
 

@@ -17,7 +17,7 @@ from radartwin.config.config import SCHEMAS, Config
 from radartwin.config.plugged import GROUPS
 
 GONE = {  # keys and options of version 1.0 that are no longer known, and what to write in their place
-    "experiment/baselines": "experiment=stability has a row for each simulator",
+    "experiment/baselines": "experiment=stability has rows of RF-Genesis",
     "materials.concurrency": "write radartwin label --concurrency",
     "materials.provider": "write radartwin label --provider",
     "materials.timeout_s": "write radartwin label --timeout",
@@ -26,7 +26,7 @@ GONE = {  # keys and options of version 1.0 that are no longer known, and what t
     "profile.strength_draws": "write profile.strength_campaign.draws",
     "profile.strength_rover_draws": "write profile.strength_campaign.rover_draws",
     "simulator.points": "leave it out, because simulator=points puts a point at the centre of each object",
-    "supervision.encoder.symmetric": "leave it out, because only one loss is left",
+    "supervision.encoder.symmetric": "leave it out, because the encoder has one loss",
 }
 
 
@@ -62,7 +62,7 @@ def unknown_option(config_file: str, options: Sequence[str]) -> str:
     options = [known for known in options if not known.startswith("schema_")]
     group, _, option = config_file.removesuffix(".yaml").rpartition("/")
     if f"{group}/{option}" in GONE:
-        return f"{group}={option} is gone since version 1.0; {GONE[f'{group}/{option}']}"
+        return f"{group}={option} was removed after version 1.0; {GONE[f'{group}/{option}']}"
     if (group, option) == ("hydra/launcher", "submitit_slurm"):
         return "hydra/launcher=slurm needs more packages; run pip install 'radartwin[slurm]'"
     if not group:
@@ -74,7 +74,7 @@ def unknown_option(config_file: str, options: Sequence[str]) -> str:
 def unknown_key(full_key: str, owner: Any) -> str:
     """Return the error message for a configuration key that the dataclass `owner` does not have."""
     if full_key in GONE:
-        return f"{full_key} is gone since version 1.0; {GONE[full_key]}"
+        return f"{full_key} was removed after version 1.0; {GONE[full_key]}"
     parent, _, name = full_key.rpartition(".")
     keys = _keys(owner)
     schemas = SCHEMAS.get(parent, {})

@@ -10,8 +10,8 @@ import pytest
 from scipy.special import fresnel
 
 from experiments.validation.oracles import fullwave, furnished, sections_2d
-from radartwin.benchmark import frozen, leaderboard
-from radartwin.benchmark.frozen import FOLDER, INDEX, Problem
+from radartwin.benchmark import frozen_problems, leaderboard
+from radartwin.benchmark.frozen_problems import FOLDER, INDEX, Problem
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import InputError, MissingError
 
@@ -23,13 +23,13 @@ def frequencies(problem: Problem) -> np.ndarray:
     return radar.start_frequency_hz + radar.slope_hz_per_s * np.arange(radar.num_samples) / radar.sample_rate_hz
 
 
-def scenario(problem: str, name: str) -> tuple[Problem, frozen.Scenario]:
-    of_problem = frozen.problem(problem)
+def scenario(problem: str, name: str) -> tuple[Problem, frozen_problems.Scenario]:
+    of_problem = frozen_problems.problem(problem)
     return of_problem, next(case for case in of_problem.scenarios if case.name == name)
 
 
 def test_six_problems_have_their_checksums_and_are_small() -> None:
-    problems = frozen.problems()  # reads every file and checks its SHA-256
+    problems = frozen_problems.problems()  # reads every file and checks its SHA-256
     assert [problem.name for problem in problems] == [
         "canonical",
         "near",
@@ -54,18 +54,18 @@ def test_a_changed_file_is_refused_by_its_checksum(byte: int, tmp_path: Path) ->
     content[byte] ^= 1
     (folder / "near.npz").write_bytes(content)
     with pytest.raises(InputError, match=r"near\.npz has the SHA-256 checksum .*install radartwin again"):
-        frozen.problem("near", folder)
+        frozen_problems.problem("near", folder)
     (folder / "near.npz").unlink()
     with pytest.raises(MissingError, match="answers of problem near are missing"):
-        frozen.problem("near", folder)
+        frozen_problems.problem("near", folder)
 
 
 def test_another_format_and_an_unknown_problem_are_refused(tmp_path: Path) -> None:
     (tmp_path / INDEX).write_text('{"format": "else"}')
     with pytest.raises(InputError, match="'format' must be"):
-        frozen.index(tmp_path)
+        frozen_problems.index(tmp_path)
     with pytest.raises(InputError, match="'far' is not known; choose one of canonical, near"):
-        frozen.problem("far")
+        frozen_problems.problem("far")
 
 
 def test_plate_that_faces_the_radar_matches_the_fresnel_aperture() -> None:
@@ -117,15 +117,15 @@ def test_physical_optics_of_a_wide_strip_is_the_mirror_image() -> None:
 def test_known_error_of_physical_optics_is_that_of_the_sections() -> None:
     """The stated errors were computed over 11 frames and four frequencies; two frames give the same within a factor of two."""
     errors = {name: sections_2d.error([shapes[0], shapes[-1]]) for name, shapes in sections_2d.cases().items()}
-    stated = {"plate": 0.021, "trihedral": 0.144, "trihedral 15 cm": frozen.problem("near").known_error}
+    stated = {"plate": 0.021, "trihedral": 0.144, "trihedral 15 cm": frozen_problems.problem("near").known_error}
     for name, error in errors.items():
         assert stated[name] / 2 < error < 2 * stated[name], name
 
 
-@pytest.mark.parametrize("name", frozen.names())
+@pytest.mark.parametrize("name", frozen_problems.names())
 def test_scores_of_known_signals(name: str) -> None:
     """The answer itself has no error. Half of it is 6.02 dB low, with a signal error of a half. No signal has a signal error of one."""
-    problem = frozen.problem(name)
+    problem = frozen_problems.problem(name)
     signals = {case.name: case.answer for case in problem.scenarios}
     exact = leaderboard.score(problem, signals)
     assert (exact.signal, exact.profile_db) == (0, 0)
@@ -139,7 +139,7 @@ def test_scores_of_known_signals(name: str) -> None:
 
 def test_waves_outside_the_gate_do_not_count() -> None:
     """The full-wave answers are valid up to 1.25 m, so an added echo at 2.1 m changes no score by more than its Hann side lobes."""
-    problem = frozen.problem("furnished_drive")
+    problem = frozen_problems.problem("furnished_drive")
     echo = np.exp(4j * np.pi * frequencies(problem) / SPEED_OF_LIGHT * 2.1)
     signals = {case.name: case.answer + echo * np.abs(case.answer).max() for case in problem.scenarios}
     assert leaderboard.score(problem, signals).signal < 0.02

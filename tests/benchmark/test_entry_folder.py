@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from markdown_blocks import DOCS, blocks, follow
 
-from radartwin.benchmark import entrants, entry_folder, frozen
+from radartwin.benchmark import entrants, entry_folder, frozen_problems
 from radartwin.benchmark.leaderboard import COLUMNS, benchmark
 from radartwin.errors import InputError
 from radartwin.io import files
@@ -24,7 +24,7 @@ PUBLIC = {"method", "problem", "profile_error_db", "signal_error", "seconds_per_
 
 
 def quiet_signals(problem: str, factor: complex = 0.5) -> dict[str, np.ndarray]:
-    return {scenario.name: factor * scenario.answer for scenario in frozen.problem(problem).scenarios}
+    return {scenario.name: factor * scenario.answer for scenario in frozen_problems.problem(problem).scenarios}
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def test_folder_is_scored_on_its_problems(folder: Path, tmp_path: Path, inside: 
     assert set(board[0]) >= PUBLIC
     assert tuple(board[0]) == COLUMNS
     assert (board[0]["signal_error"], board[0]["seconds_per_frame"], board[0]["machine"]) == ("0.5000", "0.25", "a desk")
-    assert board[0]["answers_version"] == frozen.version()
+    assert board[0]["answers_version"] == frozen_problems.version()
     assert str(tmp_path / "out" / "benchmark" / "leaderboard.csv") in done.stdout
 
 
@@ -79,7 +79,7 @@ def checksum(path: Path) -> str:
 
 def put(folder: Path, array: np.ndarray, key: str = "trihedral 15 cm") -> None:
     """Replace the array of the problem near, with a correct checksum and shape in method.json."""
-    (folder / "near.npz").write_bytes(frozen.packed({key: array}))
+    (folder / "near.npz").write_bytes(frozen_problems.packed({key: array}))
     change(folder, lambda near: near.update(sha256=checksum(folder / "near.npz"), shapes={key: list(array.shape)}))
 
 
@@ -215,7 +215,7 @@ def test_two_runs_on_one_leaderboard_keep_the_rows_of_both(folder: Path, tmp_pat
     """While the first run solves its problem, a second run writes its rows."""
     output = tmp_path / "out"
 
-    def solve(method: entrants.Method, problem: frozen.Problem) -> tuple[dict[str, np.ndarray], float]:
+    def solve(method: entrants.Method, problem: frozen_problems.Problem) -> tuple[dict[str, np.ndarray], float]:
         benchmark(output, [str(folder)], ["near"], lambda line: None)
         return quiet_signals(problem.name, 0.9), 1.0
 
@@ -247,13 +247,13 @@ def test_tutorial_enters_a_method_as_printed(tmp_path: Path, monkeypatch: pytest
     finally:
         sys.modules.pop("enter", None)
     board = rows(tmp_path / "outputs")
-    assert [row["problem"] for row in board] == frozen.names()
+    assert [row["problem"] for row in board] == frozen_problems.names()
     assert {row["method"] for row in board} == {"centres"}
 
 
 def test_page_lists_checksums_of_the_answers() -> None:
     page = (DOCS / "benchmark.md").read_text()
-    for entry in frozen.index()["problems"].values():
+    for entry in frozen_problems.index()["problems"].values():
         assert f"| `{entry['file']}` | `{entry['sha256']}` |" in page
 
 

@@ -77,4 +77,4 @@ def test_a_key_that_is_gone_names_what_to_write(key: str, tmp_path: Path) -> Non
     for overrides in wrong:
         with pytest.raises(ConfigError) as caught:
             compose(overrides, [tmp_path])
-        assert f"is gone since version 1.0; {GONE[key]}" in str(caught.value)
+        assert f"was removed after version 1.0; {GONE[key]}" in str(caught.value)

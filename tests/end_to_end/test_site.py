@@ -95,3 +95,24 @@ def test_the_site_works_from_the_disk(builder, chromium, tmp_path: Path) -> None
     assert "concepts.html" in tab.run("[...document.querySelectorAll('.md-search-result__item a')].map(a => a.href).join()")
     tab.settle()
     tab.screenshot("site_search")
+
+
+def test_a_link_to_no_page_is_an_error(builder) -> None:
+    with pytest.raises(ValueError, match=r"README.md: the link absent.md leads to no page"):
+        builder["_link"]("absent.md", ROOT / "README.md", {ROOT / "README.md": Path("readme.md")})
+
+
+def test_only_an_earlier_site_or_an_empty_folder_is_overwritten(builder, tmp_path: Path) -> None:
+    used, site = tmp_path / "used", tmp_path / "site"
+    (used / "search").mkdir(parents=True)
+    (used / "page.md").write_text("kept")
+    (site / "search").mkdir(parents=True)
+    (site / "index.html").write_text("")
+    with pytest.raises(ValueError, match=r"used holds files and no earlier site"):
+        builder["build"](used, tmp_path / "pages", ("radartwin",), execute=False)
+    assert (used / "page.md").read_text() == "kept"
+    with pytest.raises(ValueError, match=r"page\.md is a file"):
+        builder["check_out"](used / "page.md")
+    (tmp_path / "empty").mkdir()
+    for allowed in (site, tmp_path / "empty", tmp_path / "new"):
+        assert builder["check_out"](allowed) == allowed.resolve()

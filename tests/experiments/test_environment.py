@@ -5,6 +5,7 @@ from __future__ import annotations
 from copy import deepcopy
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -36,10 +37,10 @@ class Marked(FakeCampaign):
         return Nominal(log.frame_rate_hz, np.full(len(log.distance_m), case.distance_m), log.angle_rad)
 
 
-def sources(*distances: float) -> dict[str, Marked]:
+def sources(*distances: float) -> dict[str, Campaign]:
     """Return the campaign of each side of the table."""
-    usual, uniform = (Marked(distances=distances, materials=materials) for materials in ("vlm", "uniform"))
-    return dict.fromkeys(environment.SIDES, usual) | {"uniform": uniform}
+    usual: Any = Marked(distances=distances)
+    return environment.sources(usual)
 
 
 quiet = partial(frame.read, progress=Progress(quiet=True))

@@ -99,15 +99,13 @@ TABLES: dict[str, tuple[Any, tuple[Motion, ...]]] = {
     "turntable_shape": (partial(turntable_shape.score, ripple=False), ("turntable",)),
     "turntable_size": (turntable_size.score, ("turntable",)),
 }
-
-
 TEXTS = {"claim", "family", "test", "unit", "run_keys", "paper", "reason", "domain", "seed", "interval_scale", "direction", "level"}
 
 
-def campaign(motions: tuple[Motion, ...], distances: tuple[float, ...] = (0.5, 1.0), materials: str = "vlm") -> FakeCampaign:
+def campaign(motions: tuple[Motion, ...], distances: tuple[float, ...] = (0.5, 1.0)) -> Any:
     """Return a campaign that needs no simulator."""
     rooms = ("lab",) if motions == ("turntable",) else ("squash_court",)
-    return FakeCampaign(motions, rooms, distances, repetitions=2, frames=24, gap=0.05, materials=materials)
+    return FakeCampaign(motions, rooms, distances, repetitions=2, frames=24, gap=0.05)
 
 
 @cache
@@ -115,8 +113,7 @@ def frame(motions: tuple[Motion, ...]) -> Frame:
     """Return the readings of a campaign; without motions, those of the table `environment`."""
     if motions:
         return frame_of(campaign(motions), *motions)
-    usual, uniform = (campaign(("turntable",), (0.5, 1.0, 1.5, 2.0), materials) for materials in ("vlm", "uniform"))
-    sides = dict.fromkeys(environment.SIDES, usual) | {"uniform": uniform}
+    sides = environment.sources(campaign(("turntable",), (0.5, 1.0, 1.5, 2.0)))
     return environment.read(config("environment"), sides, partial(read, progress=Progress(quiet=True)))
 
 

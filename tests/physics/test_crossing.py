@@ -48,11 +48,11 @@ def sheet(x, y=(-5.0, 5.0), z=(-5.0, 5.0)):
     return np.array([[a, b, c], [a, c, d]])
 
 
-def passing(triangles, labels, materials):
-    """Return panes and factor of the line from the origin to x = 2 m, at one frequency."""
+def passing(triangles, labels, materials, end=(2.0, 0, 0), unit=(0, 0, 1.0), start=(0, 0, 0), ways=1):
+    """Return panes and factor of one line at one frequency; `unit` is the direction of the field at its start."""
     table = reflection_table.build([(material, 0.0) for material in materials], LOW_HZ)
     tree = obstacles.build(np.concatenate(triangles), np.concatenate([np.full(len(t), k) for t, k in zip(triangles, labels, strict=True)]))
-    panes, factor = crossing.factors(tree, table, *np.array([[[0, 0, 0]], [[2, 0, 0]], [[0, 0, 1]]], float), ways=1)
+    panes, factor = crossing.factors(tree, table, *(np.array([v], float) for v in (start, end, unit)), ways=ways)
     return panes[0], factor[0, 0]
 
 
@@ -226,3 +226,33 @@ def test_a_simulated_plate_behind_a_wall_of_glass_is_heard(material):
     else:
         expected = np.mean([abs(transmitted(PANES["glass 6 mm"], np.cos(np.radians(20)), one)[0]) ** 2 for one in f])
         assert 20 * np.log10(behind / alone / expected) == pytest.approx(0, abs=0.5)
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 30.0, 60.0])
+@pytest.mark.parametrize("name", PANES)
+def test_a_line_through_a_pane_has_the_transmission_of_each_polarisation(name, angle_deg):
+    """The field across the plane of incidence has the TE, the field within it the TM coefficient. At 45 degrees between them, the received
+    component is their mean, and after two crossings the mean of their squares.
+    """
+    angle = np.radians(angle_deg)
+    end, te, tm = np.array([np.cos(angle), np.sin(angle), 0.0]), np.array([0, 0, 1.0]), np.array([-np.sin(angle), np.cos(angle), 0.0])
+    expected = np.array(transmitted(PANES[name], np.cos(angle), LOW_HZ))
+    for unit, value in ((te, expected[0]), (tm, expected[1]), ((te + tm) / np.sqrt(2), expected.mean())):
+        # off the common side of the triangles, and from either end
+        for start, stop in ((np.array([0, 0.1, 0.02]), 2 * end + [0, 0.1, 0.02]), (2 * end + [0, 0.1, 0.02], np.array([0, 0.1, 0.02]))):
+            panes, factor = passing([sheet(0.5)], [0], [Layered(PANES[name])], stop, unit, start)
+            assert panes == 1
+            assert factor == pytest.approx(value, abs=1e-4)
+    _, factor = passing([sheet(0.5)], [0], [Layered(PANES[name])], 2 * end, (te + tm) / np.sqrt(2), ways=2)
+    assert factor == pytest.approx((expected**2).mean(), abs=2e-4)
+
+
+def test_delay_of_layers_is_the_slope_of_the_phase():
+    """The delay is the least-squares slope of the unwrapped phase over the frequency nodes."""
+    nodes = 79e9 - 2e9 * np.cos(np.pi * (np.arange(12) + 0.5) / 12)
+    rng = np.random.default_rng(0)
+    extra, ripple = rng.uniform(0, 0.05, (20, 1)), rng.normal(0, 0.1, (20, 12))
+    factor = np.exp(-2j * np.pi * nodes / C * extra + 1j * ripple)
+    found = crossing.delayed(factor, nodes, 79e9)[1]
+    slope = np.polyfit(2 * np.pi * nodes / C, np.unwrap(np.angle(factor), axis=1).T, 1)[0]
+    assert found == pytest.approx(-slope, rel=1e-6)

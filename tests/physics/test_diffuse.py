@@ -12,7 +12,7 @@ import radartwin as rt
 from experiments.validation.oracles import stack
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
-from radartwin.simulation import diffuse, geometry, variant
+from radartwin.simulation import diffuse, geometry, variant, visibility
 from radartwin.simulation.backends.mitsuba import MitsubaBackend
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.backends.track_paths import Track
@@ -298,3 +298,15 @@ def test_simulator_adds_the_cloud_of_moving_objects():
         )
         more = sum(map(len, with_cloud)) - sum(map(len, without))
         assert (more > 0) == diffuse_wanted
+
+
+def test_hidden_paths_are_examined_in_blocks(monkeypatch):
+    variant.activate("auto")
+    wall, plate = bodies((WALL, np.eye(4)[None]), (Surface(rectangle(0.0, (-0.3, -0.2), (0.3, 0.2)), "metal", "plate"), turning(5)))
+    sensor = at(*((0, 0, 0),) * 5)
+    together = diffuse.of_scene(wall, [plate], ISOTROPIC, sensor)[1]
+    monkeypatch.setattr(visibility, "LANES", 900)
+    blocks = diffuse.of_scene(wall, [plate], ISOTROPIC, sensor)[1]
+    assert len(together) > 100
+    assert np.array_equal(blocks.length_m, together.length_m)
+    assert np.array_equal(blocks.pose, together.pose)

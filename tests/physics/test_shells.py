@@ -15,6 +15,7 @@ from experiments.validation.oracles import stack
 from radartwin.scene import objects
 from radartwin.simulation import geometry, reflection_table
 from radartwin.simulation.curved import shell
+from radartwin.simulation.hits import TraceOptions
 
 SENSOR = np.array([[2.0, 0.0, 0.0]])
 PET = rt.Layered([("pet", 0.001)])
@@ -104,3 +105,12 @@ def test_bottle_in_a_scene_shows_its_far_wall():
         parts = trace_paths(scene, rt.Radar.iwr1843(element="isotropic"), turned, {"bottle": np.eye(4)[None]}, settings)[0]
         lengths = np.concatenate([part.length_m[part.bounces == 1] for part in parts])
         assert ((lengths > 2 * 1.51) & (lengths < 2 * 1.54)).any()
+
+
+def test_pruning_does_not_change_the_echo():
+    table = reflection_table.build([(PET, 0.0)], FREQUENCY, 80.4e9)
+    whole, pruned = (
+        coherent(tube_hits([objects.cylinder(0.033, 0.12, 64)], table, SENSOR, options=TraceOptions(1, prune=least)))
+        for least in (0.0, 2e-4)
+    )
+    assert pruned == pytest.approx(whole, rel=0.01)
