@@ -19,7 +19,7 @@ test: setup-test llvm
 
 # What no change of structure may change: fixed simulations and rows of tables to 1e-9, the verbs, and the refusals.
 net: setup-test llvm
-	@$(PY) -m pytest -q -n 2 -m "net or not slow and not gpu" tests/net tests/faults tests/end_to_end/test_cli.py tests/end_to_end/test_cli_mistakes.py
+	@$(PY) -m pytest -q -n 2 -m "net or not slow and not gpu" tests/net tests/end_to_end/test_cli.py tests/end_to_end/test_cli_mistakes.py
 
 slow: setup-test llvm
 	@$(PY) -m pytest -q -m "slow or gpu"

@@ -101,7 +101,7 @@ def _rows(
 
 
 def calls(config: Config) -> list[Call]:
-    """Return the simulations of all random targets of a configuration, as together.py runs them in several workers."""
+    """Return the simulations of all random targets of a configuration, as shared_simulations.py runs them in several workers."""
     if not strengths(config).moves_target:
         return []
     twins = [case for domain, case in shared(_campaign(config), (MOTION,), several=True) if domain == TWIN]

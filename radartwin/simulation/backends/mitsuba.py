@@ -5,7 +5,7 @@
 - In a room of flat surfaces, and in any scene with moving parts, the simulator traces each object in the object's own frame, for all poses
   in a few batches. The simulator traces direct paths and paths that also reflect at flat faces (`coupling`).
 - If the sensor moves, the simulator traces the paths between resting objects and the room at some of the sensor's positions, and moves them
-  to the other positions (`track`).
+  to the other positions (`track_paths`).
 - Objects cast shadows on the paths of the room and on each other (`flat.shadows`).
 - Rough surfaces scatter diffusely from a cloud of points, whose positions are fixed on the surface (`diffuse`).
 

@@ -28,10 +28,10 @@ class TraceSettings:
         diffuse: whether rough surfaces scatter diffusely.
         coupled_rays_per_wavelength2: number of ray tubes per square wavelength on objects, for paths that reflect at object and room. Such
             paths are numerous, so a lower density saves time. None takes `rays_per_wavelength2`; for the paths that `place_spacing_m`
-            describes, half of it (`track.OVER_ROOM`).
+            describes, half of it (`track_paths.OVER_ROOM`).
         diffractions: largest number of edge diffractions of a path in a room of flat faces, 1 or 2.
         prune: paths of such a room below this share of the strongest one of their pose are left out.
-        place_spacing_m: a moving radar traces the paths between resting objects and room only at some of its positions (`track`). Every
+        place_spacing_m: a moving radar traces the paths between resting objects and room only at some of its poses (`track_paths`). Every
             other position is at most half of this distance from such a place, whose paths are moved to it. Paths of these objects that the
             radar cannot resolve are merged. 0 traces these paths at every position, with all tubes, and merges none.
     """
