@@ -1,26 +1,66 @@
-"""Write Table 3 of the paper and the number of each verdict on its main claims in README.md, from the committed tables."""
+"""Write the results in README.md from their template and the committed tables, and draw its two pictures.
+
+`python -m analysis.pages` writes the text. `python -m analysis.pages.readme` runs `radartwin demo` and the Python example of README.md, and
+copies their pictures to docs/figures.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import re
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
 
 from analysis.pages import paper_tables
-from analysis.pages.template import ROOT, wrapped
+from analysis.pages.template import ROOT, committed, filled
+from radartwin.io import files
 from radartwin.runs.experiment import VERDICTS
 
-PAGE = ROOT / "README.md"
-PART = re.compile(r"Of the \d+ main claims.*?(?=\n\n[^|\n])", re.DOTALL)
+PAGE, FIGURES = ROOT / "README.md", ROOT / "docs" / "figures"
+TEMPLATE = Path(__file__).with_name("readme_template.md")
+PART = re.compile(r"## How accurate is it\?.*?(?=## Licence)", re.DOTALL)
+TRAINING = {"(i)": "none", "(ii)": "a corner reflector", "(iii)": "a few labels"}  # by the paper's level of supervision
 
 
 def text() -> str:
-    """Return README.md with the verdicts of the table `headline` and Table 3."""
-    verdicts = paper_tables.committed("headline")["verdict"]
-    counts = ", ".join(f"{(verdicts == verdict).sum()} {verdict}" for verdict in VERDICTS)
-    table = next(table for title, _, table in paper_tables.tables() if title.startswith("Table 3"))
-    again = f"{(verdicts == '').sum()} are made again in version 1.1"
-    counted = wrapped(f"Of the {len(verdicts)} main claims (`headline`), the verdicts are: {counts}; {again}.")
-    part = f"{counted}\n\n{paper_tables.markdown(table)}"
+    """Return README.md with the results of the committed tables."""
+    verdicts = committed("headline")["verdict"]
+    counts = [f"{(verdicts == verdict).sum()} {'are ' if verdict == VERDICTS[0] else ''}{verdict}" for verdict in VERDICTS]
+    again = f"{(verdicts == '').sum()} to be judged again in version 1.1"
+    part = filled(TEMPLATE.read_text(encoding="utf-8"), table_3=table_3(), counts=f"{', '.join(counts)} and {again}")
     page, number = PART.subn(lambda _: part, PAGE.read_text(encoding="utf-8"))
     if number != 1:
-        raise ValueError(f"{PAGE}: {number} paragraphs begin with 'Of the N main claims', not one")
+        raise ValueError(f"{PAGE}: {number} sections 'How accurate is it?' end before a section 'Licence', not one; restore both headings")
     return page
+
+
+def table_3() -> Iterator[list[str]]:
+    """Yield the cells of the paper's Table 3: task, real data for training, figures of the paper and ours, chance, verdict."""
+    section = next(section for section in paper_tables.content() if section["title"].startswith("Table 3"))
+    for row in section["rows"]:
+        level, task, raw, trained, chance = row["cells"]
+        (ours_raw, _, _), (ours, _, verdict) = (
+            paper_tables.answer(committed, "", {**section["where"], **row, **cell}) for cell in (raw, trained)
+        )
+        task = task.replace("rover lateral", "drive past").replace("rover depth", "drive towards")
+        yield [task, TRAINING[level], *map(str, (raw["paper"], ours_raw, trained["paper"], ours, chance["paper"], verdict))]
+
+
+def draw() -> None:
+    """Run the demonstration and the Python example of README.md in a temporary folder, and copy a picture of each to docs/figures."""
+    from radartwin.commands.demo import STRIP, demo
+
+    (example,) = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        exec(compile(example, str(PAGE), "exec"), {"__name__": "__main__"})
+        pictures = {
+            "demo": demo(Path("outputs")).with_name(STRIP),
+            "first_lines": Path("outputs/processed/room/range_azimuth.png"),
+        }
+        for name, picture in pictures.items():
+            print(files.write_atomically(FIGURES / f"{name}.png", picture.read_bytes()))
+
+
+if __name__ == "__main__":
+    draw()

@@ -1,10 +1,11 @@
-"""Draw a scanned room beside its material map, which shows the same view in colours that stand for the MINC material categories.
+"""Draw a scanned scene beside its material map, which shows the same view in colours that stand for the MINC material categories.
 
 The legend of the material map names the simulated material of each visible category, in the order of the MINC categories.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +16,9 @@ from radartwin.plotting import style
 from radartwin.scene.scene import Scene
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
 
 # Each colour resembles the material of its MINC category. The colours of categories that often touch in a room differ in lightness.
 COLOURS = {
@@ -31,11 +34,25 @@ PIXELS = 700
 
 def material_map(scene: Scene) -> Figure:
     """Draw two panels: the scanned scene in its own colours, and coloured by MINC category with a legend of the visible categories."""
+    figure, axes = style.figure(1, 2, width_in=style.PAGE_WIDTH_IN, height_in=4.1)
+    patches = draw_materials(scene, axes)
+    figure.legend(handles=patches, loc="outside lower center", ncols=min(2, max(1, len(patches))), fontsize=6.5)
+    return figure
+
+
+def draw_materials(scene: Scene, axes: Sequence[Axes], camera: Camera | None = None) -> list[Patch]:
+    """Draw the scene in its own colours on the first of two axes, and in those of its MINC categories on the second.
+
+    Args:
+        camera: viewpoint of both pictures; None chooses a corner of the room.
+    Returns:
+        The entries of a legend of the visible categories.
+    """
     import matplotlib.colors
     from matplotlib.patches import Patch
 
     drawing = Drawing(scene)
-    camera = corner_camera(scene, drawing, PIXELS)
+    camera = camera or corner_camera(scene, drawing, PIXELS)
     seen = drawing.seen(camera)
     surface_index = drawing.surfaces(seen)
     minc = [str(surface.provenance.get("minc") or "none") for surface in scene]
@@ -44,20 +61,17 @@ def material_map(scene: Scene) -> Figure:
     shade = np.ones(seen.face.shape)
     shade[seen.face >= 0] = 0.7 + 0.3 * np.abs(drawing.facing(camera, seen, seen.face >= 0))
     flat = palette[surface_index] * shade[..., None]
-    figure, axes = style.figure(1, 2, width_in=style.PAGE_WIDTH_IN, height_in=4.1)
     for axis, picture, title in zip(axes, (drawing.picture(camera, seen), np.clip(flat, 0, 1)), ("scan", "materials"), strict=True):
         axis.imshow(picture, interpolation="nearest")
         axis.set_title(title)
         axis.set_axis_off()
     visible = {minc[k] for k in np.unique(surface_index) if k >= 0}
     line = {"edgecolor": "#555555", "linewidth": 0.4}
-    patches = [
+    return [
         Patch(facecolor=COLOURS.get(name, NO_CATEGORY), label=f"{name}: {_materials(scene, minc, name)}", **line)
         for name in (*CATEGORIES, "none")
         if name in visible
     ]
-    figure.legend(handles=patches, loc="outside lower center", ncols=min(2, max(1, len(patches))), fontsize=6.5)
-    return figure
 
 
 def _materials(scene: Scene, minc: list[str], category: str) -> str:

@@ -27,6 +27,7 @@ def test_the_demonstration_ends_with_a_page_that_names_the_surfaces(inside, chro
     page = tmp_path / last
     assert page == folder / "index.html"
     assert not list(folder.rglob("*.tmp"))
+    assert (folder / demo.STRIP).read_bytes().startswith(b"\x89PNG")
 
     tab = chromium()
     tab.call("Page.navigate", url=page.as_uri())

@@ -1,4 +1,6 @@
-"""The commands of the README run in its order on small input, except those in ELSEWHERE. Added overrides shorten them."""
+"""The commands and examples of the README, of docs/your-room.md, and of the first block of two other pages run in their order on small
+input, except those in ELSEWHERE. Added overrides shorten them.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,7 @@ import numpy as np
 import pytest
 import trimesh
 from chat_server import ChatServer, completion
-from markdown_blocks import ROOT, Block, blocks, follow
+from markdown_blocks import DOCS, ROOT, Block, blocks, follow
 
 from radartwin.scene import rooms
 
@@ -24,18 +26,18 @@ SMALL = {
     ],
     "simulate": ["trajectory.frames=2", "simulator.rays=20000"],
     "label": ["--views", "1"],
-    "train": ["--frames", "13", "--distances", "1", "supervision.copies=2", "supervision.encoder.epochs=2", "tracking=off"],
 }  # fmt: skip
 AUTO = ["simulator.parts=none", "trajectory.period_s=4"]  # simulator=auto needs a whole revolution
 CAMPAIGN = [
     "profile.campaign.turntable_objects=[corner_reflector]", "profile.campaign.reflector_distances_m=[1.0]",
     "profile.campaign.rail_objects=[]", "profile.campaign.rover_rooms=[]",
 ]  # fmt: skip
-# Tested in test_dashboard.py, test_train.py, test_demo.py, test_live.py, tests/benchmark, tests/experiments and, with
-# `make test-slurm`, on a cluster of one node.
-ELSEWHERE = {"dashboard", "classify", "demo", "--live", "benchmark", "tables", "hydra/launcher=slurm"}
-PAGE = blocks(ROOT / "README.md")
-STUDY = next(n for n, block in enumerate(PAGE) if "experiment=environment" in block.text)
+# Tested in test_dashboard.py, test_demo.py, test_live.py and tests/experiments.
+ELSEWHERE = {"dashboard", "demo", "--live", "tables"}
+ROOM = blocks(DOCS / "your-room.md")
+CAPTURE = [block for block in blocks(DOCS / "radars.md") if "radartwin process capture" in block.text]
+PAGES = [*blocks(ROOT / "README.md"), *ROOM, *CAPTURE]
+STUDY = blocks(DOCS / "sweeps.md")[:1]
 
 
 @pytest.fixture
@@ -48,8 +50,7 @@ def folder(here: Path, shared_data: Path) -> Path:
         "frameCfg 0 1 16 0 100 1 0\n"
     )
     capture = shared_data / "radar" / "iwr6843_static_room"
-    (here / "layout.yaml").write_text(next(block.text for block in PAGE if block.language == "yaml"))
-    (here / "objects.yaml").write_text("objects: [{name: reflector, catalogue: corner_reflector}, {name: can, catalogue: can_211_400}]")
+    (here / "layout.yaml").write_text(next(block.text for block in ROOM if block.language == "yaml"))
     (here / "frames").mkdir()
     for file in (shared_data / "scans" / "arkit_lidar_chair_scan").glob("*_000[01]?.*"):  # seven of the frames
         (here / "frames" / file.name).symlink_to(file)
@@ -93,9 +94,10 @@ def followed(page: list[Block], folder: Path, model: ChatServer | None = None) -
 
 
 def test_commands_on_the_users_data_and_the_python_example_run(folder: Path, model: ChatServer) -> None:
-    assert followed(PAGE[:STUDY], folder, model) >= 17
+    assert followed(PAGES, folder, model) >= 16
     assert np.fromfile(folder / "outputs" / "recordings" / "room.bin", "<i2").any()
+    assert (folder / "outputs" / "processed" / "room" / "range_azimuth.png").is_file()
 
 
 def test_commands_of_the_study_run(folder: Path) -> None:
-    assert followed(PAGE[STUDY:], folder) == 3
+    assert followed(STUDY, folder) == 3

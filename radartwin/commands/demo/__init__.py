@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import gzip
+import io
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,11 +18,12 @@ import numpy as np
 
 from radartwin.builders.recording import build_setup, simulate_setup
 from radartwin.builders.simulator import simulated_parts, simulator_options
-from radartwin.commands.demo.demo_page import Picture, write_page
+from radartwin.commands.demo.demo_page import Picture, draw_strip, write_page
 from radartwin.config.compose import compose, path_override
 from radartwin.io import files
 from radartwin.io.one_line import plural
 from radartwin.label.labelling import LabelOptions, label_folder
+from radartwin.label.z_buffer import Camera
 from radartwin.radar.detection import Peaks
 from radartwin.radar.power_maps import power_maps
 from radartwin.radar.process_capture import process_capture
@@ -34,6 +36,9 @@ from radartwin.simulation.origins import echo_origins
 SCAN = Path(__file__).resolve().parent / "scan" / "chair.obj.gz"
 # position of the radar in the scan's coordinates: 1.5 m in front of the chair, at the height of the chair's back
 POSITION_M = (-1.5, -0.5, 0.6)
+STRIP = "strip.png"  # scan, materials and echoes side by side: the picture of README.md
+EYE_M = np.array([-0.4, 0.0, 0.8])  # position of the strip's camera relative to the radar: behind it and above it
+PIXELS, FIELD_DEG = 500, 62.0  # width and height of the camera's pictures, and their field of view
 STEPS = 6
 
 
@@ -97,5 +102,9 @@ def demo(output: Path) -> Path:
         room = view(Scene.load(scene_folder), scene_folder / "view.html", pose, title="The scan, coloured by material")
         picture = Picture(power_maps(simulated.iq, simulated.radar), peaks, origins)
         page = write_page(folder / "index.html", room.read_text(encoding="utf-8"), scene, picture)
+        camera = Camera.looking(pose[:3, 3] + EYE_M, pose[:3, 3] + 1.2 * pose[:3, 0] - 0.2 * pose[:3, 2], FIELD_DEG, PIXELS)
+        drawing = io.BytesIO()
+        draw_strip(scene, picture, camera).savefig(drawing, format="png", dpi=110, metadata={"Software": None})
+        files.write_atomically(folder / STRIP, drawing.getvalue())
         result.append(f"{page.stat().st_size / 1e3:.0f} kB")
     return page

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from radartwin.io import files
+from radartwin.label.material_map import draw_materials
+from radartwin.label.z_buffer import Camera
 from radartwin.plotting import style
 from radartwin.radar.detection import Peaks
 from radartwin.radar.power_maps import PowerMaps
@@ -22,7 +24,9 @@ from radartwin.scene.viewer.colouring import material_label
 from radartwin.simulation.origins import Origin
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
 
 PAGE = Path(__file__).with_name("page.html")
 SHOWN_DB = 50.0  # powers further below the strongest echo are not shown
@@ -65,36 +69,62 @@ def write_page(path: Path, room: str, scene: Scene, picture: Picture) -> Path:
 
 
 def draw(picture: Picture) -> Figure:
-    """Draw the range profile and the range-azimuth map with a number at each peak and the name of its surface."""
+    """Draw the range profile, and the map of `draw_map`."""
     import matplotlib
 
     maps, peaks = picture.maps, picture.peaks
-    farthest = float(peaks.range_m.max()) if len(peaks) else float(maps.range_m[-1])
-    in_view = maps.range_m <= farthest + BEYOND_M
+    in_view = _in_view(picture)
     range_m, profile = maps.range_m[in_view], decibels(maps.range_time.mean(axis=0)[in_view])
-    azimuth_deg, power = np.degrees(maps.azimuth_rad[::-1]), decibels(maps.range_azimuth[::-1][:, in_view])
-    top = float(power.max())
     with matplotlib.rc_context(style.style()):
         figure, (left, right) = style.figure(1, 2, width_in=11.0, height_in=4.6)
         left.plot(range_m, profile, lw=0.9)
         left.set(xlabel="range (m)", ylabel="power (dB of transmitted power)", title="Range profile, mean of all channels")
         left.set_xlim(0, range_m[-1])
-        image = right.imshow(
-            power.T, origin="lower", aspect="auto", interpolation="nearest", cmap=style.SEQUENTIAL, vmin=top - SHOWN_DB, vmax=top,
-            extent=(*_ends(azimuth_deg), *_ends(range_m)),
-        )  # fmt: skip
-        right.set(xlabel="azimuth (degrees), left positive", ylabel="range (m)", title="Range and azimuth")
-        for number, (at_m, angle, origin) in enumerate(zip(peaks.range_m, np.degrees(peaks.azimuth_rad), picture.origins, strict=True), 1):
+        for number, at_m in enumerate(peaks.range_m, 1):
             level = float(np.interp(at_m, range_m, profile))
             left.annotate(str(number), (at_m, level), xytext=(0, 4), textcoords="offset points", ha="center", fontsize=7)
-            right.plot([angle], [at_m], "o", mfc="none", mec="white", ms=6, mew=0.9)
-            side = -1 if angle < -45 else 1  # the name must not leave the picture, in which negative angles are on the right
-            right.annotate(
-                f"{number} {origin.surface}", (angle, at_m), xytext=(6 * side, 0), textcoords="offset points", color="white", fontsize=7,
-                va="center", ha="left" if side > 0 else "right",
-            )  # fmt: skip
+        image = draw_map(right, picture)
         figure.colorbar(image, ax=right, label="power (dB of transmitted power)")
     return figure
+
+
+def draw_map(axis: Axes, picture: Picture) -> AxesImage:
+    """Draw the power over range and azimuth, with a number at each peak and the name of its surface."""
+    maps, peaks, in_view = picture.maps, picture.peaks, _in_view(picture)
+    azimuth_deg, power = np.degrees(maps.azimuth_rad[::-1]), decibels(maps.range_azimuth[::-1][:, in_view])
+    top = float(power.max())
+    image = axis.imshow(
+        power.T, origin="lower", aspect="auto", interpolation="nearest", cmap=style.SEQUENTIAL, vmin=top - SHOWN_DB, vmax=top,
+        extent=(*_ends(azimuth_deg), *_ends(maps.range_m[in_view])),
+    )  # fmt: skip
+    axis.set(xlabel="azimuth (degrees), left positive", ylabel="range (m)", title="Range and azimuth")
+    for number, (at_m, angle, origin) in enumerate(zip(peaks.range_m, np.degrees(peaks.azimuth_rad), picture.origins, strict=True), 1):
+        axis.plot([angle], [at_m], "o", mfc="none", mec="white", ms=6, mew=0.9)
+        side = -1 if angle < -45 else 1  # the name must not leave the picture, in which negative angles are on the right
+        axis.annotate(
+            f"{number} {origin.surface}", (angle, at_m), xytext=(6 * side, 0), textcoords="offset points", color="white", fontsize=7,
+            va="center", ha="left" if side > 0 else "right",
+        )  # fmt: skip
+    return image
+
+
+def draw_strip(scene: Scene, picture: Picture, camera: Camera) -> Figure:
+    """Draw three panels side by side: the scan in its own colours, the same view by material, and the map of `draw_map`."""
+    import matplotlib
+
+    with matplotlib.rc_context(style.style()):
+        figure, axes = style.figure(1, 3, width_in=11.0, height_in=3.9)
+        patches = draw_materials(scene, axes[:2], camera)
+        image = draw_map(axes[2], picture)
+        figure.colorbar(image, ax=axes[2], label="power (dB of transmitted power)")
+        figure.legend(handles=patches, loc="outside lower left", ncols=2, fontsize=6.5)
+    return figure
+
+
+def _in_view(picture: Picture) -> np.ndarray:
+    """Return which range bins the pictures show: those up to BEYOND_M behind the farthest peak."""
+    range_m, peaks = picture.maps.range_m, picture.peaks
+    return range_m <= (float(peaks.range_m.max()) + BEYOND_M if len(peaks) else np.inf)
 
 
 def _rows(scene: Scene, picture: Picture) -> list[str]:
