@@ -52,15 +52,26 @@ def text() -> str:
     speed = read("speed_accuracy")
     scored = [row for row in speed if row["profile_error_db"] is not None]
     measured = [row for row in scored if not row["claim"]]
+    tracers = list(defaults(scored))
+    turntables = [row for row in speed if row["feature_error"] is not None]
+    features = {row["setting"]: row for row in turntables if row["family"] == OURS and not row["claim"]}
+    autos = {row["metric"]: row for row in read("complexity") if row["case"] == "all"}
+    shipped, fixed = (
+        autos[f"error of the {name} default between the frames of the choice, worst of all (limits)"] for name in ("shipped", "fixed")
+    )
     return filled(
         TEMPLATE.read_text(encoding="utf-8"),
         machines=" and of ".join(dict.fromkeys(row["machine"].replace("; ", ", ") for row in measured)),
-        goals=goals(measured),
-        settings={row["setting"]: options(row["setting"]) for row in measured if row["family"] == OURS},
-        defaults=defaults(scored),
-        features=[row for row in speed if row["feature_error"] is not None],
-        complexity=read("complexity"),
-        saved=complexity_rows.SAVED,
+        goals=dict(goals(measured)),
+        defaults=tracers,
+        fronts=[claim for _, claims, _ in tracers for claim in claims],
+        naives=[naive for *_, naive in tracers if naive],
+        whole=features[DEFAULT],
+        alone=features["no room"],
+        cheapest=[row for row in turntables if row["claim"]],
+        auto=autos[f"{complexity_rows.SAVED}, median"],
+        shipped=shipped,
+        fixed=fixed,
         sweeps=sweeps(read("stability")),
     )
 
@@ -75,7 +86,8 @@ def goals(measured: Sequence[Row]) -> Iterator[tuple[str, list[str]]]:
         for error, goal, unit in GOALS:
             enough = [row for row in tried if row[error] <= goal]
             best = min(enough or tried, key=lambda row: row["seconds_frame" if enough else error])
-            cell = f"{best['family']}, {best['setting']}: {best[error]:.2g}{unit}, {best['value']:.2g} x"
+            name = f"`{options(best['setting'])}`" if best["family"] == OURS else f"{best['family']}, {best['setting']}"
+            cell = f"{name}: {best[error]:.2g}{unit}, {best['value']:.2g} x"
             cells.append(cell if enough else f"none; nearest is {cell}")
         yield default["title"], cells
 

@@ -13,6 +13,37 @@ from radartwin.errors import MissingError
 
 Verbs = argparse._SubParsersAction
 
+# The lines of `radartwin --help`: each verb under the purpose for which a user needs it.
+PURPOSES = {
+    "My room": {
+        "demo": "show all steps on a shipped phone scan, in two minutes",
+        "reconstruct": "turn a scan (mesh or RGB-D frames) into a scene",
+        "label": "name the materials of a scene by a vision-language model",
+        "view": "show a scene as a 3D page; --live: drag the radar in it",
+        "simulate": "simulate a radar recording in a scene",
+    },
+    "My radar": {
+        "process": "compute peaks, points and pictures of a recording or capture",
+        "import": "add captures to a set of recordings",
+        "export": "write a recording for Foxglove, or a set of virtual recordings",
+    },
+    "My objects": {
+        "train": "train a recogniser of my objects on simulation alone",
+        "classify": "name the object in a recording with a trained recogniser",
+    },
+    "The study": {
+        "tables": "make the tables, figures and report of the paper's claims",
+        "report": "write the report again from existing tables",
+        "run": "compute one experiment, or a sweep with -m",
+        "benchmark": "compare simulators on six problems with known answers",
+        "dashboard": "show the runs in MLflow",
+    },
+    "This machine": {
+        "doctor": "check this machine, or with --data a set of recordings",
+        "clean": "print the size of stored results, or delete them",
+    },
+}
+
 
 def parse(words: Sequence[str]) -> argparse.Namespace:
     """Parse the words of a command line. In the result, `verb` is the function to call, and `resumes` says whether repeating the same
@@ -49,13 +80,17 @@ def _join_axes(words: Sequence[str]) -> list[str]:
 
 
 def _parser() -> argparse.ArgumentParser:
+    purposes = (f"{title}\n" + "\n".join(f"  {verb:<13}{text}" for verb, text in verbs.items()) for title, verbs in PURPOSES.items())
     parser = _Parser(
         prog="radartwin",
-        description="Simulate a radar in a scanned room, train on simulated recordings, and test on measurements.",
-        epilog=examples.epilog(more="Exit status: 0 done, 1 a run failed, 2 the input is wrong."),
+        usage="radartwin VERB ...    (radartwin VERB --help: options and examples)",
+        description="\n".join(["Simulate a radar in a scanned room, train on it, and test on measurements.\n", *purposes]),
+        epilog="Exit status: 0 done, 1 a run failed, 2 the input is wrong.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
+        add_help=False,
     )
-    group = parser.add_subparsers(title="verbs", metavar="VERB", required=True)
+    parser.add_argument("-h", "--help", action="help", help=argparse.SUPPRESS)
+    group = parser.add_subparsers(prog="radartwin", metavar="VERB", required=True, help=argparse.SUPPRESS)
     _add_study(group)
     _add_recordings(group)
     _add_scenes(group)
@@ -217,7 +252,6 @@ def _add(
 ) -> argparse.ArgumentParser:
     verb = group.add_parser(
         name,
-        help=text,
         description=textwrap.fill(text[0].upper() + text[1:] + ".", 78),
         epilog=examples.epilog(name),
         formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -1,19 +1,10 @@
-"""Examples at the end of `radartwin --help` and `radartwin VERB --help`, stored as pairs (command, purpose of the command).
+"""Examples at the end of `radartwin VERB --help`, stored as pairs (command, purpose of the command).
 
 tests/end_to_end/test_documents.py parses each example command and composes its configuration.
 """
 
 from __future__ import annotations
 
-FIRST_STEPS = (
-    ("radartwin doctor", "check this machine"),
-    ("radartwin demo", "all steps on a shipped scan, in two minutes: outputs/demo/index.html"),
-    ("radartwin reconstruct room.glb --out room", "a scan to a scene"),
-    ("radartwin view room", "the scene as a page: room/view.html"),
-    ("radartwin simulate scene=scan scene.path=room trajectory=static --out outputs/recordings/room", "a radar recording in it"),
-    ("radartwin process outputs/recordings/room", "peaks and pictures"),
-    ("radartwin tables", "every table and the report"),
-)
 EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "demo": (
         ("radartwin demo", "outputs/demo/index.html"),
@@ -143,8 +134,8 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
 }
 
 
-def epilog(verb: str = "", more: str = "") -> str:
-    """Format the examples of a verb for the end of its help text. Without a verb, format the commands for a first session.
+def epilog(verb: str, more: str = "") -> str:
+    """Format the examples of a verb for the end of its help text.
 
     >>> print(epilog("report"))
     examples:
@@ -153,6 +144,5 @@ def epilog(verb: str = "", more: str = "") -> str:
       the report of another folder
         radartwin report --output /data/study
     """
-    examples = EXAMPLES[verb] if verb else FIRST_STEPS
-    lines = ["examples:", *(line for command, text in examples for line in (f"  {text}", f"    {command}"))]
+    lines = ["examples:", *(line for command, text in EXAMPLES[verb] for line in (f"  {text}", f"    {command}"))]
     return "\n".join([*lines, *(["", more] if more else [])])

@@ -16,8 +16,8 @@ from composing import COMPOSER, compose
 from markdown_blocks import DOCS, ROOT, blocks, commands, follow, prose, quoted
 
 from experiments.validation.validation import CASES
-from radartwin.commands.arguments import parse
-from radartwin.commands.examples import EXAMPLES, FIRST_STEPS
+from radartwin.commands.arguments import PURPOSES, parse
+from radartwin.commands.examples import EXAMPLES
 from radartwin.config.compose import combinations
 from radartwin.recordings.recording_set import RecordingSet
 from radartwin.runs import sweep
@@ -48,7 +48,7 @@ def accept(command: str) -> None:
 
 
 PRINTED = {command for page in [*PAGES, README] for command in commands(page)}
-HELP = [command for examples in (FIRST_STEPS, *EXAMPLES.values()) for command, _ in examples]
+HELP = [command for examples in EXAMPLES.values() for command, _ in examples]
 
 
 @pytest.mark.parametrize("command", sorted(PRINTED | set(HELP)))
@@ -60,12 +60,21 @@ def test_printed_command_is_accepted(command: str, tmp_path: Path, monkeypatch: 
     accept(command)
 
 
-def test_help_ends_with_examples(inside) -> None:
-    for verb, examples in {"": FIRST_STEPS, **EXAMPLES}.items():
-        printed = inside(*filter(None, [verb]), "--help").stdout.partition("\nexamples:\n")[2]
+def test_help_fits_on_a_screen_and_names_each_verb_once(inside) -> None:
+    lines = inside("--help").stdout.splitlines()
+    assert len(lines) <= 30
+    assert max(map(len, lines)) <= 80
+    named = [verb for purpose in PURPOSES.values() for verb in purpose]
+    assert sorted(named) == sorted(EXAMPLES), "each verb has one purpose and examples"
+    assert [line.split()[0] for line in lines if line.startswith("  ")] == named
+
+
+def test_help_of_a_verb_ends_with_examples(inside) -> None:
+    for verb, examples in EXAMPLES.items():
+        printed = inside(verb, "--help").stdout.partition("\nexamples:\n")[2]
         for command, text in examples:
             assert f"  {text}\n    {command}\n" in printed + "\n"
-            assert not verb or command.split()[1] == verb
+            assert command.split()[1] == verb
 
 
 def test_the_search_runs(here: Path, monkeypatch: pytest.MonkeyPatch, inside) -> None:
