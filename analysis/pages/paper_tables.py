@@ -32,12 +32,11 @@ VARIANTS = ("twin", "truth", "layout")  # columns of further rows, which are emp
 KEYS = ("quantity", "paper", "here", "setting", "times", "column", "same", "cells")
 INTRODUCTION = """# The paper's tables
 
-`python -m analysis.pages` writes this page from [docs/results](results/README.md). It follows the order of the paper. Each cell gives the
-figure of the paper, our figure with its 95 % confidence interval, the number n of recordings, and the verdict on the claim
-([concepts](concepts.md#draws-and-verdicts)). Intervals of primary claims state their level, which includes Holm's correction. A figure
-without a verdict states no claim. "Made again in 1.1" marks a row whose quantity or test has changed since its value was computed. Here,
-"measured" is the testbed, a second simulation that differs from the first on purpose. The last column says whether the protocol is that of
-the paper in all other respects.
+This page gives every table, figure and number of the paper in its order, beside ours: our value with its 95 % confidence interval, the
+number n of recordings, and the [verdict](concepts.md#draws-and-verdicts) on the claim. The intervals of main claims include Holm's correction
+and state their level. A number without a verdict belongs to no claim. "Made again in 1.1" marks a number whose quantity or test has changed
+since it was computed. Our measurements come from the [testbed](concepts.md#the-testbed); the last column says what else differs from the
+protocol of the paper. `python -m analysis.pages` writes this page from [docs/results](results/README.md).
 """
 
 

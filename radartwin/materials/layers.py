@@ -29,8 +29,11 @@ class Layered:
     """Describe a stack of homogeneous layers, on which a wave is incident from air.
 
     Attributes:
-        layers: pairs (material name, thickness in metres), from the outermost to the innermost layer.
-        backing: material name of the half-space behind the last layer, for example "air".
+        layers: pairs (material name, thickness in metres). The first layer is the one that the wave meets first.
+        backing: material name of the half-space behind the last layer. A wave passes through a stack only if its backing is "air".
+
+    >>> double_glazing = Layered([("glass", 0.004), ("air", 0.016), ("glass", 0.004)])
+    >>> bottle_of_water = Layered([("pet", 0.0005)], backing="water")
     """
 
     layers: tuple[tuple[str, float], ...]

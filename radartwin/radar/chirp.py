@@ -41,9 +41,11 @@ _MAX_COUNT = 1_000_000  # largest number of samples or chirps; the limit keeps a
 
 @dataclass(frozen=True)
 class Radar:
-    """Describe one radar configuration. Instances are immutable, hashable and comparable.
+    """Describe one radar configuration: waveform, antennas and timing. Instances are immutable, hashable and comparable.
 
     Attributes:
+        start_frequency_hz, slope_hz_per_s: frequency at the start of a chirp, and its increase per second.
+        sample_rate_hz, num_samples: rate of the ADC, and number of samples per chirp.
         num_chirps: number of chirp loops per frame; in each loop every transmitter sends one chirp.
         tx_positions_m: positions (x, y, z) of the transmit antennas' phase centres in metres, in firing order.
         rx_positions_m: positions (x, y, z) of the receive antennas' phase centres in metres.

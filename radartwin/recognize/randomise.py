@@ -2,9 +2,8 @@
 randomisation).
 
 A classifier that is trained on equal copies of a recording trusts features that a slightly different set-up changes. Each quantity below is
-drawn uniformly from a range. The range is half as large at strength 0.5, and strength 0 leaves the quantity unchanged. All ranges were
-chosen before any table was computed. Where no publication gives a range, the range was not taken from the testbed (radartwin.testbed).
-Sources:
+drawn uniformly from a range. The range is half as large at strength 0.5, and strength 0 leaves the quantity unchanged. No range is taken
+from the testbed (radartwin.testbed). Sources:
 - wobble: +-0.5 degrees of tilt of the axis, and of the object on the disc, about each horizontal direction through the origin of the
   object's frame; order of magnitude.
 - eccentricity: +-5 mm from the axis along x and y, for an object centred by eye; order of magnitude.

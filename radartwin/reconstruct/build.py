@@ -92,15 +92,16 @@ def reconstruct(
     material: str | Layered = "plasterboard",
     progress: Progress | None = None,
 ) -> Scene:
-    """Turn a scan into a scene of named surfaces.
+    """Turn a scan into a scene of named surfaces: planes of walls and furniture, and objects.
 
     Args:
         path: .glb, .ply or .obj of a room, or a folder of colour-and-depth frames with poses.
         out: folder into which the scene is written; with None, no file is written.
-        material: material assigned to every surface; the user can later assign a different material to each surface.
+        options: unit, axes, camera and poses of the scan, if its files do not state them.
+        material: first material of every surface, until `radartwin label` or the user assigns one to each surface.
         progress: display that shows the steps and the lines of the scan report; None shows nothing.
     Returns:
-        The scene. The scene's provenance holds the scan report and the distances by which flattening moved the scanned faces.
+        The scene. Its provenance holds the scan report and the distances by which flattening moved the scanned faces.
     Raises:
         MissingError, MeshError, ScanError, PoseError: the scan or an option is invalid.
         MaterialError: the material is unknown.

@@ -20,9 +20,10 @@ __all__ = ["Scene", "Surface"]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scene:
-    """Hold the surfaces of a room, of an object, or of both.
+    """Hold the surfaces of a room, of an object, or of both, in metres in a world frame with z up.
 
-    Iterating over a scene gives its surfaces, and `room + target` joins two scenes.
+    Iterating over a scene gives its surfaces, `room + target` joins two scenes, and `Scene.load(folder)` reads a scene folder, such as one
+    that `radartwin reconstruct` wrote.
 
     >>> import trimesh
     >>> scene = Scene([Surface(trimesh.creation.box((0.1, 0.1, 0.1)), "metal", "box")])

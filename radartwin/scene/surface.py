@@ -92,6 +92,6 @@ class Surface:
     def moved(self, pose: np.ndarray) -> Surface:
         """Return a copy of the surface with its mesh moved by the rigid transform `pose` (4, 4).
 
-        The copy has the role `kind` of the original instead of "auto", because a rotation changes the extents of the mesh.
+        The role of the copy is the `kind` of the original and never "auto", because a rotation changes the extents of the mesh.
         """
         return dataclasses.replace(self, mesh=self.mesh.copy().apply_transform(pose), role=self.kind)

@@ -31,9 +31,8 @@ def rcs(
 ) -> float:
     """Compute the monostatic radar cross-section of a mesh in square metres, by ray tubes.
 
-    The function includes the waves of the edges (fringes) of closed metal bodies. `simulate` also adds those of open sheets, which `rcs`
-    leaves out: at 2 m, the cross-section of a plate of 5 to 10 cm that is turned by 20 to 60 degrees is 1 to 9 dB lower than the echo that
-    `simulate` gives.
+    The result includes the edge waves (fringes) of closed metal bodies, but not those of open sheets, which `simulate` adds. For a plate of
+    5 to 10 cm that is turned by 20 to 60 degrees, the result is therefore 1 to 9 dB lower than the echo of `simulate` at 2 m.
 
     Args:
         mesh: surface with coordinates in metres. Edges sharper than 30 degrees stay sharp; across all other edges the surface is curved.

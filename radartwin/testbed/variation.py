@@ -1,7 +1,7 @@
 """Draw deviations of a surface from its nominal thickness, permittivity, roughness and contents.
 
 Each function takes one surface, a strength (0 leaves the surface unchanged) and the surface's own random generator, and draws the same
-random numbers at every strength. The default sizes of the deviations were chosen before any result table was computed:
+random numbers at every strength. The default sizes of the deviations and their sources:
 - thickness: a standard deviation of 5 %. EN 520 allows +-0.5 mm for plasterboard of 12.5 mm, which is 4 %.
 - permittivity: standard deviations of 10 % for the real part, and of a factor exp(0.5) for the dielectric loss. ITU-R P.2040-4 has several
   rows for each of ten materials (concrete to floorboard). At 100 GHz, the rows of one material differ by 11 % in the real part, and by 0.51
