@@ -35,7 +35,7 @@ CAMPAIGN = [
 # Tested in test_dashboard.py, test_demo.py, test_live.py and tests/experiments.
 ELSEWHERE = {"dashboard", "demo", "--live", "tables"}
 ROOM = blocks(DOCS / "your-room.md")
-CAPTURE = [block for block in blocks(DOCS / "radars.md") if "radartwin process capture" in block.text]
+CAPTURE = [block for block in blocks(DOCS / "radars.md") if "capture_adc_data" in block.text]
 PAGES = [*blocks(ROOT / "README.md"), *ROOM, *CAPTURE]
 STUDY = blocks(DOCS / "sweeps.md")[:1]
 
