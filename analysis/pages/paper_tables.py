@@ -33,10 +33,10 @@ KEYS = ("quantity", "paper", "here", "setting", "times", "column", "same", "cell
 INTRODUCTION = """# The paper's tables
 
 This page gives every table, figure and number of the paper in its order, beside ours: our value with its 95 % confidence interval, the
-number n of recordings, and the [verdict](concepts.md#draws-and-verdicts) on the claim. The intervals of main claims include Holm's correction
-and state their level. A number without a verdict belongs to no claim. "Made again in 1.1" marks a number whose quantity or test has changed
-since it was computed. Our measurements come from the [testbed](concepts.md#the-testbed); the last column says what else differs from the
-protocol of the paper. `python -m analysis.pages` writes this page from [docs/results](results/README.md).
+number n of recordings, and the [verdict](concepts.md#draws-and-verdicts) on the claim. The intervals of main claims include Holm's
+correction and state their level. A number without a verdict belongs to no claim. "Made again in 1.1" marks a number whose quantity or test
+has changed since it was computed. Our measurements come from the [testbed](concepts.md#the-testbed); the last column says what else differs
+from the protocol of the paper. `python -m analysis.pages` writes this page from [docs/results](results/README.md).
 """
 
 
