@@ -22,8 +22,8 @@ NAMES = (  # names of the experiments; each has a file conf/experiment/NAME.yaml
 
 # Slow tables, by name: the profiles in which `radartwin tables` makes the table only if --only names it.
 ON_REQUEST = {
-    "gaps": ("quick",), "many_objects": ("quick",), "simulation_parts": ("quick",), "randomisation_ablation": ("quick",),
-    "sensitivity": ("quick", "paper"),
+    "scan": ("quick",), "gaps": ("quick",), "many_objects": ("quick",), "simulation_parts": ("quick",),
+    "randomisation_ablation": ("quick",), "sensitivity": ("quick", "paper"),
 }  # fmt: skip
 
 # Printed under every table that is scored against the testbed.

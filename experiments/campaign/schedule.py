@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from experiments.campaign.cases import ROVER, Case
+from experiments.scans import virtual_scan
 from radartwin.config.config import Config
 
 Track = tuple[str, str, str, str, int]  # name of the set-up, domain, room, motion, draw
@@ -51,8 +52,8 @@ class Schedule:
 
         A worker first receives recordings along its own track (radar path in a room), then recordings along a track that no other worker
         has. The first worker that needs the simulated phone scan of a room computes the scan, while all other workers that need the same
-        scan wait. Tracks of the simulation, which need a scan, therefore come first. A track that may have to wait for the scan of another
-        worker comes last. Among tracks of equal priority, the track with the most recordings comes first.
+        scan wait. Tracks of the simulation whose room is not shipped, which need a scan, therefore come first. A track that may have to
+        wait for the scan of another worker comes last. Among tracks of equal priority, the track with the most recordings comes first.
         """
         last = self._of_worker.pop(worker, None)
         tracks = [track for track, tasks in self.tracks.items() if tasks]
@@ -61,7 +62,8 @@ class Schedule:
         taken = list(self._of_worker.values())
 
         def rank(track: Track) -> tuple[bool, bool, bool, bool, int]:
-            scanned = track[1] == "twin"
+            config = self.tracks[track][0].config
+            scanned = track[1] == "twin" and not virtual_scan.ships(track[2], config.measured.gap.geometry, config.seed)
             waits = scanned and any(track[1:3] == other[1:3] for other in taken)
             return track != last, track in taken, waits, not scanned, -len(self.tracks[track])
 

@@ -112,7 +112,8 @@ def _with_scans(campaign: Campaign, made: Frame) -> Frame:
     if config.materials.source == VOID:
         return made  # no scan
     for room, simulated in made[made.domain == TWIN].groupby("room", sort=False):
-        if not store.holds(virtual_scan.KIND, virtual_scan.specification(config, room, strength), virtual_scan.ROOTS):
+        spec = virtual_scan.specification(config, room, strength)
+        if "shipped" in spec or not store.holds(virtual_scan.KIND, spec, virtual_scan.ROOTS):
             continue  # no scan
         scan = virtual_scan.fetch(config, store, room, strength).read_json("meta")
         began, ended = _span_s(scan)

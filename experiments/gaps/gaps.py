@@ -7,7 +7,7 @@ A table row of the paper profile is the mean over DRAWS random draws of the gap;
 one draw, because nothing about it is random. Roughness moves power from the specular reflection to diffuse scatter, so the echo power of a
 rougher room can be higher. The turntable's motor and gear are clutter inside the target gate. In the rows of the geometry gap, the
 simulated scan contains the room's clutter, but the virtual measurements do not. The quick profile needs 270 core-seconds to simulate the
-recordings, and 150 core-seconds more if the scans of both rooms are not in the store.
+recordings.
 """
 
 from __future__ import annotations

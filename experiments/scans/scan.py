@@ -88,8 +88,8 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 def fetch(config: Config, store: Store, room: str, strength: float, seed: int) -> Product:
     """Return the scores of a room's scan as a stored result. Scores that are not in the store are computed."""
-    scan = virtual_scan.fetch(config, store, room, strength, seed)
-    spec = {**virtual_scan.specification(config, room, strength, seed), "of": scan.key}
+    scan = virtual_scan.fetch(config, store, room, strength, seed, anew=True)
+    spec = {**virtual_scan.specification(config, room, strength, seed, anew=True), "of": scan.key}
     return store.fetch(
         SCORES, spec, ROOTS, lambda folder: save_json(folder, SCORES, scores(scan.path / virtual_scan.FOLDER, room, strength, seed))
     )

@@ -4,11 +4,16 @@ simulated scan.
 The simulated phone with LiDAR moves through the room (radartwin.testbed.scanner). The depth noise, dropouts and pose drift of the
 simulated phone have the size that publications report, and `strength` scales all these errors. The depth frames are fused and segmented in
 the same way as those of a user's own scan.
+
+The folder `rooms` beside this file ships the three rooms as reconstructed at strength 1 and seed 0. At this strength and seed, the study
+reads the shipped room instead of scanning again. `python -m experiments.generators.scanned_rooms` makes the shipped rooms.
 """
 
 from __future__ import annotations
 
+import hashlib
 import tempfile
+import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,19 +27,24 @@ if TYPE_CHECKING:
 ROOTS = ["experiments.scans.virtual_scan"]
 KIND = "scan"
 FOLDER = "scene"
+SHIPPED = Path(__file__).resolve().parent / "rooms"
+SHIPPED_STRENGTH, SHIPPED_SEED = 1.0, 0
 
 
-def fetch(config: Config, store: Store, room: str, strength: float, seed: int | None = None) -> Product:
-    """Return the scanned and reconstructed room as a stored result. A scan that is not in the store is computed; `seed=None` uses the
-    configured seed.
+def fetch(config: Config, store: Store, room: str, strength: float, seed: int | None = None, anew: bool = False) -> Product:
+    """Return the scanned and reconstructed room as a stored result. A room that is not in the store is unpacked from the shipped rooms, or
+    scanned if no shipped room has its strength and seed. `seed=None` uses the configured seed.
 
-    At strength 0 the stored result is the true furnished room itself, without the clutter that the phone scans at other strengths.
+    At strength 0 the stored result is the true furnished room itself, without the clutter that the phone scans at other strengths. A
+    shipped room holds the scene only; if `anew`, the room is scanned, and the result also holds the mesh and the photographs of the scan.
     """
-    spec = specification(config, room, strength, seed)
+    spec = specification(config, room, strength, seed, anew)
 
     def build(folder: Path) -> None:
         if strength == 0:
             rooms.room(room, detail="furnished").save(folder / FOLDER)
+        elif "shipped" in spec:
+            unpack(shipped_file(room), folder / FOLDER)
         else:
             scanned(folder / FOLDER, room, strength, spec["seed"])
 
@@ -46,9 +56,32 @@ def key(config: Config, store: Store, room: str, strength: float) -> str:
     return store.key(KIND, specification(config, room, strength), ROOTS)
 
 
-def specification(config: Config, room: str, strength: float, seed: int | None = None) -> dict[str, Any]:
-    """Return all parameters that determine a scan. These parameters are the specification from which the store key is computed."""
-    return {"room": room, "strength": strength, "seed": config.seed if seed is None else seed}
+def specification(config: Config, room: str, strength: float, seed: int | None = None, anew: bool = False) -> dict[str, Any]:
+    """Return all parameters that determine a scan. These parameters are the specification from which the store key is computed.
+
+    The specification of a shipped room has the SHA-256 digest of its file under the key "shipped".
+    """
+    seed = config.seed if seed is None else seed
+    spec = {"room": room, "strength": strength, "seed": seed}
+    if anew or not ships(room, strength, seed):
+        return spec
+    return spec | {"shipped": hashlib.sha256(shipped_file(room).read_bytes()).hexdigest()}
+
+
+def ships(room: str, strength: float, seed: int) -> bool:
+    """Return whether the repository ships this room as scanned with this strength and seed."""
+    return (strength, seed) == (SHIPPED_STRENGTH, SHIPPED_SEED) and shipped_file(room).is_file()
+
+
+def shipped_file(room: str) -> Path:
+    """Return the path of the file that ships the scanned room."""
+    return SHIPPED / f"{room}.zip"
+
+
+def unpack(file: Path, folder: Path) -> None:
+    """Unpack the scene of a shipped room into a scene folder."""
+    with zipfile.ZipFile(file) as packed:
+        packed.extractall(folder)
 
 
 def scanned(out: Path, room: str, strength: float, seed: int) -> Scene:

@@ -32,13 +32,20 @@ def _track(task: RecordingTask) -> tuple[str, str, str]:
 
 
 def test_scanned_rooms_come_first_one_for_each_worker(tasks: list[RecordingTask]) -> None:
-    schedule = Schedule(tasks)
+    schedule = Schedule([replace(task, config=replace(CONFIG, seed=1)) for task in tasks])
     first, second, third = (schedule.next_task(worker) for worker in range(3))
     assert first
     assert second
     assert third
     assert {_track(first)[:2], _track(second)[:2]} == {("twin", "lab"), ("twin", "squash_court")}
     assert third.domain == "measured", "a third worker would wait for a scan"
+
+
+def test_tracks_of_shipped_rooms_come_by_their_length(tasks: list[RecordingTask]) -> None:
+    schedule = Schedule(tasks)
+    lengths = sorted(map(len, schedule.tracks.values()), reverse=True)
+    given = [schedule.next_task(worker) for worker in range(len(lengths))]
+    assert [sum(_track(task) == _track(first) for task in tasks) for first in given if first] == lengths, "no worker waits for a scan"
 
 
 def test_every_recording_is_made_once_and_a_worker_stays_on_its_track(tasks: list[RecordingTask]) -> None:
