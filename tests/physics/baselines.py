@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 import trimesh
-from scipy.special import fresnel
 
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
@@ -38,18 +37,6 @@ def published_radar() -> Radar:
         num_chirps=128, tx_positions_m=((0.0, 0.0, 0.0), (0.0, -4 * half, 0.0), (0.0, -2 * half, half)),
         rx_positions_m=tuple((0.0, n * half, 0.0) for n in (6, 5, 4, 3)), chirp_interval=72e-6, frame_rate_hz=10.0,
     )  # fmt: skip
-
-
-def plate_db(distance_m: float, frequency_hz: float = 78.72e9) -> float:
-    """Return the level in dB of a plate that faces the radar, by physical optics.
-
-    The level is the far-field value A^2/(4 pi R^2)^2 times the Fresnel integral over the square aperture.
-    """
-    wavelength = SPEED_OF_LIGHT / frequency_hz
-    edge = SIZE_M * math.sqrt(1 / (wavelength * distance_m))  # k x^2/R = (pi/2) u^2 with u = 2 x/sqrt(lambda R)
-    sine, cosine = fresnel(edge)
-    aperture = abs(complex(cosine, sine) / edge) ** 2
-    return 20 * math.log10(SIZE_M**2 / (4 * math.pi * distance_m**2) * aperture)
 
 
 def level_db(mesh: trimesh.Trimesh, distance_m: float, simulator: Backend) -> float:
