@@ -113,22 +113,31 @@ def test_a_failed_run_has_its_error_as_a_tag_and_is_not_known(output: Path) -> N
 OPENS = """
 import sys
 from pathlib import Path
+import mlflow
 from radartwin.config.study import TrackingConfig
 from radartwin.runs.tracking import Tracker
 
-number, output = sys.argv[1:]
-with Tracker(TrackingConfig(), Path(output)).run("environment", number * 32, number, {"number": number}) as record:
-    record.metrics = {"number": float(number)}
+print("ready", flush=True)
+input()
+with Tracker(TrackingConfig(), Path(sys.argv[1])).run("environment", "1" * 32, "1", {"number": "1"}) as record:
+    record.metrics = {"number": 1.0}
 """
 
 
-def test_processes_that_open_a_new_store_at_once_all_track_their_run(tmp_path: Path) -> None:
-    def start(number: int) -> subprocess.Popen[str]:
-        command = [sys.executable, "-c", OPENS, str(number), str(tmp_path)]
-        return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+def test_processes_that_open_a_new_store_at_once_all_track_their_run(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    import mlflow  # noqa: F401  (in both processes, before either opens the store)
 
-    said = [process.communicate(timeout=120) for process in [start(number) for number in range(2)]]
-    assert said == [("", "")] * 2, "a process failed, or mlflow talked"
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    other = subprocess.Popen([sys.executable, "-c", OPENS, str(tmp_path)], **pipes)
+    assert other.stdout
+    assert other.stdin
+    assert other.stdout.readline() == "ready\n"
+    other.stdin.write("\n")
+    other.stdin.flush()
+    with Tracker(TrackingConfig(), tmp_path).run("environment", "0" * 32, "0", {"number": "0"}) as record:
+        record.metrics = {"number": 0.0}
+    assert other.communicate(timeout=120) == ("", ""), "the process failed, or mlflow talked"
+    assert capfd.readouterr() == ("", "")
     assert query(tmp_path, "SELECT value FROM metrics ORDER BY value") == [(0.0,), (1.0,)]
     assert query(tmp_path, "SELECT DISTINCT status FROM runs") == [("FINISHED",)]
     assert {p.name for p in tmp_path.iterdir()} == {DATABASE}, "a lock or temporary file stayed"

@@ -7,34 +7,15 @@ import signal
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 from processes import runs
+from worker_calls import broken, build, failing, killed, product, product_slowly, slow_pid
 
 from radartwin.errors import BackendError, ConfigError
 from radartwin.runs import workers
 from radartwin.store import products
-from radartwin.store.products import Store, save_arrays
 
 ITEMS = [(number, number + 1) for number in range(6)]
-
-
-def product(one: int, other: int) -> tuple[int, int]:
-    return one * other, os.getpid()
-
-
-def failing(one: int, how: str) -> int:
-    if one == 3:
-        raise {"refused": ConfigError("number 3 is refused"), "hungry": MemoryError("unable to allocate 8 TiB")}[how]
-    return one
-
-
-def broken(one: int, zero: int) -> float:
-    return one / zero
-
-
-def killed(one: int, number: int) -> None:
-    os.kill(os.getpid(), number)
 
 
 def pids() -> set[int]:
@@ -81,24 +62,10 @@ def test_reused_workers_do_the_next_task_unless_they_died_hold_much_memory_or_ha
     assert pids().isdisjoint(both)
 
 
-def slow_pid() -> int:
-    time.sleep(0.1)
-    return os.getpid()
-
-
 def test_each_worker_gets_calls_by_its_number() -> None:
     waiting, numbers = {0: [(0, 0)] * 3, 1: [(1, 0)] * 3}, []
     workers.run(product_slowly, lambda worker: waiting[worker].pop() if waiting[worker] else None, numbers.append, 2)
     assert sorted(numbers) == [0, 0, 0, 1, 1, 1]
-
-
-def product_slowly(one: int, other: int) -> int:
-    time.sleep(0.05)
-    return one
-
-
-def build(root: Path, seed: int) -> bool:
-    return Store(root).fetch("recording", {"seed": seed}, ["radartwin.constants"], lambda f: save_arrays(f, {"x": np.ones(3)})).reused
 
 
 def test_products_that_workers_build_are_counted_in_the_parent(tmp_path: Path) -> None:
