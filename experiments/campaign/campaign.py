@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from experiments.campaign import tally, truth, twin
+from experiments.campaign import packed, tally, truth, twin
 from experiments.campaign.cases import COMPARED, DOMAINS, MEASURED, ROVER, TWIN, VOID, Case, Log, log, planned
 from experiments.campaign.recorded import Recorded
 from experiments.campaign.schedule import RecordingTask, Schedule
@@ -32,7 +32,6 @@ from radartwin.store.products import Product, Store
 
 Call = tuple[Any, ...]  # a function of a module, and its arguments
 CLEAN, PROCESSED = "clean", "processed"
-_FILE = "recording"
 
 
 class Campaign:
@@ -243,7 +242,7 @@ def _campaign_of(config: Config, root: Path) -> Campaign:
 
 def load_clean(product: Product) -> Recording:
     """Read all frames of the recording from a stored `clean` result."""
-    return Turned.load(product.path).recording() if Turned.is_in(product.path) else Recording.load(product.path / _FILE)
+    return Turned.load(product.path).recording() if Turned.is_in(product.path) else packed.load(product.path)
 
 
 def _save(make: Callable[[], Recording | Turned], folder: Path) -> Mapping[str, int]:
@@ -256,5 +255,5 @@ def _save(make: Callable[[], Recording | Turned], folder: Path) -> Mapping[str, 
     if isinstance(made, Turned):
         made.save(folder)
         return {"frames": len(made.angles), "traced": made.traced, **counts}
-    made.save(folder / _FILE)
+    packed.save(made, folder)
     return {"frames": made.num_frames, "traced": made.num_frames, **counts}

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.campaign import tally, truth
+from experiments.campaign import packed, tally, truth
 from experiments.campaign.campaign import Campaign, make_together
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, TWIN, VOID, Case, planned
 from experiments.campaign.cases import log as nominal_log
@@ -228,12 +228,12 @@ def expected_bytes(radar: Radar, frames: int, traced: int) -> int:
     """Return the disk space of a recording in the store, in bytes.
 
     The disk space is the sum of the recording before receiver effects (clean part) and the processed part. The clean part holds samples as
-    16-bit counts, or for a turntable the complex signals of one chirp at the traced target angles.
+    packed 16-bit counts, or for a turntable the complex signals of one chirp at the traced target angles.
     """
     chirp = radar.num_tx * radar.num_rx * radar.num_samples
     bins = int(MAX_RANGE_M / radar.range_resolution_m) + 1
     read = bins * (4 + 8 * len(azimuth_row(radar)) + (4 * radar.num_chirps if traced == frames else 0))
-    return (8 * chirp * traced if traced < frames else 4 * chirp * radar.num_chirps * frames) + read * frames
+    return (8 * chirp * traced if traced < frames else int(packed.SHARE * 4 * chirp * radar.num_chirps) * frames) + read * frames
 
 
 def metrics(made: Frame) -> dict[str, float]:

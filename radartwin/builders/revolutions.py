@@ -45,6 +45,7 @@ from radartwin.store.products import Store, save_arrays
 REVOLUTION, COPIES = "revolution", "revolution_copies"  # kinds of stored results
 ROOTS = ["radartwin.builders.recording", "radartwin.features.processed"]
 COPIES_ROOTS = ["radartwin.recognize.own.copied_rows", "radartwin.builders.revolutions"]
+ROOM_BYTES = 4_000_000_000  # disk space for the paths of the rooms, which the revolutions of all objects at one distance share
 FEWEST_FRAMES = 2 * HARMONICS + 1  # the highest harmonic of a revolution needs more than two frames per cycle
 
 
@@ -128,7 +129,7 @@ class Revolution:
         return list(echoes_alone(surfaces, self.setup.radar, course.sensor_poses, course.target_poses, strengths, count, seed, **options))
 
     def _simulate(self, folder: Path) -> dict[str, int]:
-        with array_cache.in_folder(self.root / "paths") if len(self.setup.room) else contextlib.nullcontext():
+        with array_cache.in_folder(self.root / "paths", ROOM_BYTES) if len(self.setup.room) else contextlib.nullcontext():
             recording = simulate_setup(self.setup, self.config, self.label, store=Store(self.root))
         process(recording, doppler=False).save(folder)
         return {"frames": recording.num_frames}

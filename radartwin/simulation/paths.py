@@ -97,12 +97,14 @@ class Paths:
         return Paths(poses=first.poses, frequencies_hz=first.frequencies_hz, **{k: v[order] for k, v in joined.items()})
 
 
-def traced_once(spec: Mapping[str, Any], arrays: Mapping[str, np.ndarray], trace: Callable[[], list[Paths]]) -> list[Paths]:
+def traced_once(
+    spec: Mapping[str, Any], arrays: Mapping[str, np.ndarray], trace: Callable[[], list[Paths]], on_disk: bool = True
+) -> list[Paths]:
     """Return the paths from the array cache; if the cache does not have the paths, call `trace` and store its result in the cache.
 
     The arguments are those of `made_once`.
     """
-    return made_once(spec, arrays, trace, to_arrays, from_arrays)
+    return made_once(spec, arrays, trace, to_arrays, from_arrays, on_disk)
 
 
 def made_once(
@@ -111,6 +113,7 @@ def made_once(
     make: Callable[[], T],
     write: Callable[[T], array_cache.Arrays],
     read: Callable[[array_cache.Arrays], T],
+    on_disk: bool = True,
 ) -> T:
     """Return a result from the array cache; if the cache does not have the result, call `make` and store what it returns.
 
@@ -121,6 +124,7 @@ def made_once(
         arrays: geometry, reflection tables and poses that affect the result, as part of the cache key.
         make: function that computes the result.
         write, read: functions that convert the result to named arrays and back.
+        on_disk: False stores the result only in memory.
     """
     digests = {name: array_digest(array) for name, array in arrays.items()}
     key = spec_digest({"spec": spec, "arrays": digests, "source": source_digest(["radartwin.simulation"])})
@@ -128,7 +132,7 @@ def made_once(
     result = cache.get(key, read)
     if result is None:
         result = make()
-        cache.put(key, write(result))
+        cache.put(key, write(result), on_disk)
     return result
 
 

@@ -24,7 +24,7 @@ from radartwin.io import files
 T = TypeVar("T")
 Arrays = Mapping[str, np.ndarray]
 IN_MEMORY_BYTES = 500_000_000  # largest size of the entries held in memory together
-MAX_BYTES = 4_000_000_000  # size limit of a cache folder
+MAX_BYTES = 100_000_000  # size limit of a cache folder; larger entries are not written
 _SUFFIX = ".npz"
 
 
@@ -79,11 +79,11 @@ class ArrayCache:
             self._remember(key, arrays)
             return result
 
-    def put(self, key: str, arrays: Arrays) -> None:
-        """Store the arrays under the key. If the disk is full, warn and keep the arrays in memory only."""
+    def put(self, key: str, arrays: Arrays, on_disk: bool = True) -> None:
+        """Store the arrays under the key. If `on_disk` is False or the disk is full, keep the arrays in memory only."""
         with self._lock:
             self._remember(key, arrays)
-            if self.folder is None:
+            if self.folder is None or not on_disk:
                 return
             stream = io.BytesIO()
             values: dict[str, Any] = dict(arrays)
@@ -137,12 +137,12 @@ def shared() -> ArrayCache:
 
 
 @contextlib.contextmanager
-def in_folder(folder: str | Path) -> Iterator[ArrayCache]:
-    """Within the `with` block, make the array cache that all code in this process shares also use this folder. Raises OutputError if the
-    folder cannot be created or written.
+def in_folder(folder: str | Path, max_bytes: int = MAX_BYTES) -> Iterator[ArrayCache]:
+    """Within the `with` block, make the array cache that all code in this process shares also use this folder, up to `max_bytes`. Raises
+    OutputError if the folder cannot be created or written.
     """
     global _shared
-    before, _shared = _shared, ArrayCache(folder)
+    before, _shared = _shared, ArrayCache(folder, max_bytes=max_bytes)
     try:
         yield _shared
     finally:

@@ -152,3 +152,27 @@ def test_a_drive_passes_close_to_one_object_and_far_from_another():
     poses = sideways(np.arange(31) * 0.04)
     parts, _ = trace_paths(rt.Scene([wall, ball, box]), RADAR, poses, None, TraceSettings(max_bounces=2))
     assert np.isfinite(received(parts, RADAR, len(poses))).all()
+
+
+def test_a_resting_track_stores_samples_and_shaded_paths_for_all_chirp_timings(tmp_path, monkeypatch):
+    """A second process with another chirp timing traces nothing, and gets the same bytes. The large paths stay off the disk."""
+    pose, other = sideways(np.array([0.3])), replace(RADAR, num_chirps=7, chirp_interval=2e-4, frame_rate_hz=5.0)
+    ball = [rt.Surface(trimesh.creation.icosphere(2, 0.05), "metal", "ball")]
+    there = np.stack([trajectory.pose([1.0, y, 0.0]) for y in (0.0, 0.1)])
+
+    def results(radar):
+        track = Track.of_drives([*scene()], radar, pose, EXACT)
+        shadows = track.shadow(ball, pose, there)
+        assert sum(map(len, shadows)) > 0
+        return track.room_samples(pose), received(shadows, radar, 2)
+
+    expected = results(other)
+    assert np.array_equal(expected[0], received(Track.of_drives([*scene()], other, pose, EXACT).room(pose), other, 1))
+    with array_cache.in_folder(tmp_path):
+        results(RADAR)
+    monkeypatch.setattr(Track, "_static", None)
+    monkeypatch.setattr(Track, "searched", None)
+    with array_cache.in_folder(tmp_path):
+        for stored, made in zip(results(other), expected, strict=True):
+            assert np.array_equal(stored, made)
+    assert sum(file.stat().st_size for file in tmp_path.iterdir()) < 300_000

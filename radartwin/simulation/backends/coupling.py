@@ -33,7 +33,7 @@ from radartwin.simulation.flat.room import FlatRoom
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.pruning import EARLY, LEGS, PRUNE, SHADED, TRACED, both_gains, largest, strong_masks, strongest
+from radartwin.simulation.pruning import EARLY, LEGS, PRUNE, SHADED, TRACED, both_gains, largest, strong_masks
 from radartwin.simulation.reflection_table import lagrange_basis
 
 AT_ONCE = 2_000_000  # about as many hits are traced at once before the weak ones among them are dropped; limits memory
@@ -135,8 +135,8 @@ def group_paths(
 
 
 def shadows_of_movers(
-    parts: Sequence[Paths], levels: Sequence[np.ndarray], bodies: Sequence[tuple[Geometry, np.ndarray]], sensor_poses: np.ndarray,
-    wavenumber: float,
+    parts: Sequence[Paths], levels: Sequence[np.ndarray], most: np.ndarray, bodies: Sequence[tuple[Geometry, np.ndarray]],
+    sensor_poses: np.ndarray, wavenumber: float,
 ) -> list[Paths]:  # fmt: skip
     """Return paths that add the shadows of moving bodies to static paths: copies of the shaded paths, whose amplitude is the change by the
     product of the shadows.
@@ -146,6 +146,7 @@ def shadows_of_movers(
     Args:
         parts: static paths with their points, at F sensor poses or at one pose that is valid for all F poses.
         levels: for each part, the largest amplitude (N,) of each of its N paths over the antenna elements (`pruning.level`).
+        most: (F,) or (1,) level of the strongest static path of each pose.
         bodies: for each body, its triangles in its own frame, all of which block, also those of a material that transmits, and its poses
             (F, 4, 4) to the world, or one pose for all frames.
         sensor_poses: (F, 4, 4) of the sensor to the world. wavenumber: rad/m.
@@ -156,10 +157,9 @@ def shadows_of_movers(
     for geometry, poses in bodies:
         inverse = np.broadcast_to(poses_module.inverse(poses), (frames, 4, 4))
         seen.append((_skin(geometry), inverse, np.einsum("fij,fj->fi", inverse[:, :3, :3], sensor_poses[:, :3, 3]) + inverse[:, :3, 3]))
-    most, out = strongest(parts, levels, frames), []
+    most, out = np.broadcast_to(most, (frames,)), []
     for part, loudness in zip(parts, levels, strict=True):
-        if part.points is None:
-            continue
+        assert part.points is not None
         kept = [(np.zeros(0, int), np.zeros(0, int), np.zeros(0, complex))]
         for frame, row in visibility.pairs(part, frames):
             factor = np.ones(len(row), complex)

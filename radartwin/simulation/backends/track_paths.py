@@ -8,9 +8,10 @@ Moved paths that the radar cannot resolve become one path (`merging`). Paths of 
 phase between edge waves and specular echo changes within millimetres (error of moved paths: 0.23 of the signal).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -26,7 +27,7 @@ from radartwin.simulation.backends.static_scene import StaticScene, static_scene
 from radartwin.simulation.backends.trace_settings import SPACING_M, TraceSettings
 from radartwin.simulation.flat.room import FlatRoom, Searched
 from radartwin.simulation.merging import merged
-from radartwin.simulation.paths import Paths, traced_once
+from radartwin.simulation.paths import Paths, from_arrays, made_once, to_arrays, traced_once
 from radartwin.simulation.signal.synthesis import received
 from radartwin.store.digest import array_digest
 from radartwin.store.recent import Recent
@@ -40,6 +41,10 @@ BEYOND_M = 0.04  # extension of the track at both ends of the nominal drive, bec
 DENSE_M = 0.01  # spacing of the poses of a track that stands for all drives along it
 TOGETHER = 5  # largest number of places traced at once; limits memory
 RESTING = 12  # number of resting objects, such as the parts of a turntable's stand, whose paths are cached
+# Fields of the radar that do not change the noiseless samples of one chirp of a resting radar.
+UNREAD_AT_REST = (
+    "name", "num_chirps", "chirp_interval", "frame_rate_hz", "noise_figure_db", "transmit_power_dbm", "real_sampling", "phase_noise",
+)  # fmt: skip
 ASIDE_M = 0.015  # placement error of an object: three standard deviations
 BALL_M, BALL_STEP = 0.1, 1.5  # smallest radius of the balls around objects for which legs are searched, and ratio of successive radii
 
@@ -111,6 +116,23 @@ class TracedPlaces:
         return merged(moved, self.radar, gain[np.arange(total) + (first[place] - start[:-1])[pose]])
 
 
+@dataclass(frozen=True, eq=False)
+class Shaded:
+    """Hold the static paths that bodies can shade, and the level (F,) of the strongest of all static paths at each of F poses."""
+
+    parts: list[Paths]
+    strongest: np.ndarray
+
+    def to_arrays(self) -> dict[str, np.ndarray]:
+        """Return all fields as named arrays, which the array cache can store."""
+        return to_arrays(self.parts) | {"strongest": self.strongest}
+
+    @staticmethod
+    def from_arrays(arrays: Mapping[str, np.ndarray]) -> "Shaded":
+        """Rebuild the object from the result of `to_arrays`. Raises ValueError, LookupError or TypeError if the arrays do not fit."""
+        return Shaded(from_arrays(arrays), arrays["strongest"])
+
+
 class Track:
     """Trace paths along a track through one room.
 
@@ -134,6 +156,7 @@ class Track:
         self._room, self._radar, self._poses, self._settings, self._sparse = prepared, radar, poses, settings, sparse
         self._given = searched
         self._latest: tuple[bytes, list[Paths], list[np.ndarray]] = (b"", [], [])
+        self._latest_shaded: tuple[bytes, Shaded] = (b"", Shaded([], np.zeros(0)))
         self._sampled: tuple[tuple[bytes, str], np.ndarray] = ((b"", ""), np.zeros(0))
         self._of_place: dict[int, list[Paths]] = {}  # the paths of the clutter at the places that are traced
         self._resting: Recent[tuple[Sequence[Surface], list[Paths]]] = Recent(RESTING)  # with surfaces, so that their ids stay in use
@@ -186,23 +209,29 @@ class Track:
         """Return whether the sensor rests."""
         return poses_module.at_rest(self._poses)
 
-    def static(self, poses: np.ndarray) -> tuple[list[Paths], list[np.ndarray]]:
+    def static(self, poses: np.ndarray, on_disk: bool = True) -> tuple[list[Paths], list[np.ndarray]]:
         """Return the paths of the room at rest at poses (F, 4, 4), and their levels. The paths of faces and edges include their points.
 
         The last result is cached. The paths that a resting radar sees are stored for all frames, objects, repetitions and chirp timings.
+
+        Args:
+            on_disk: whether to store paths also in the folder of the array cache. The paths of a cluttered room take up to 1 GB.
         """
         assert self._room is not None
         key = poses.tobytes()
         if self._latest[0] != key:
-            parts = self._stored(poses) if self.still else self._static(poses)
+            if self.still:
+                parts = traced_once(self._described(poses), {"poses": poses}, lambda: self._static(poses), on_disk)
+            else:
+                parts = self._static(poses)
             self._latest = key, parts, [pruning.level(part, self._radar) for part in parts]
         return self._latest[1:]
 
-    def _stored(self, poses: np.ndarray) -> list[Paths]:
-        """Return the paths of the room for a resting radar from the array cache."""
+    def _described(self, poses: np.ndarray) -> dict[str, Any]:
+        """Return all that determines the paths of the room at rest, as part of a cache key."""
         room, searched = self._room, self._given
         assert room is not None
-        spec = {
+        return {
             "settings": replace(self._settings, variant=variant.activate(self._settings.variant)),
             "surfaces": [(s.kind, s.name, s.roughness_m, str(s.material)) for s in room.surfaces],
             "geometry": room.geometry.digest,
@@ -210,7 +239,25 @@ class Track:
             "searched": None if searched is None else {name: array_digest(array) for name, array in searched.to_arrays().items()},
             **room.described(self._radar, poses),
         }
-        return traced_once(spec, {"poses": poses}, lambda: self._static(poses))
+
+    def _shaded(self, poses: np.ndarray) -> Shaded:
+        """Return the paths of the room that bodies can shade, at poses (F, 4, 4). The last result is cached. The array cache stores the
+        result of a resting radar, which takes a thousandth of the disk space of all paths.
+        """
+
+        def make() -> Shaded:
+            parts, levels = self.static(poses, on_disk=False)
+            return Shaded([part for part in parts if part.points is not None], self._loudest_of(parts, len(poses), levels))
+
+        key = poses.tobytes()
+        if self._latest_shaded[0] != key:
+            if self.still:
+                spec = {"shaded": self._described(poses)}
+                shaded = made_once(spec, {"poses": poses}, make, Shaded.to_arrays, Shaded.from_arrays)
+            else:
+                shaded = make()
+            self._latest_shaded = key, shaded
+        return self._latest_shaded[1]
 
     def _static(self, poses: np.ndarray) -> list[Paths]:
         room, settings, radar = self._room, self._settings, self._radar
@@ -234,8 +281,9 @@ class Track:
         walls = self._room.room_paths(self._places, self._radar, self._settings.max_bounces, self._settings.prune, self.searched)
         return self._loudest_of(walls, len(self._places))
 
-    def _loudest_of(self, walls: Sequence[Paths], poses: int) -> np.ndarray:
-        return pruning.strongest(walls, [pruning.level(part, self._radar) for part in walls], poses)
+    def _loudest_of(self, parts: Sequence[Paths], poses: int, levels: Sequence[np.ndarray] | None = None) -> np.ndarray:
+        levels = [pruning.level(part, self._radar) for part in parts] if levels is None else levels
+        return pruning.strongest(parts, levels, poses)
 
     def _clutter(self, poses: np.ndarray) -> TracedPlaces:
         """Return the paths of the clutter at the places that are nearest to the poses of a drive (F, 4, 4).
@@ -286,13 +334,29 @@ class Track:
             return []
         body = diffuse.Body(self._room.surfaces, self._room.geometry, np.eye(4)[None])
         rough = diffuse.of_scene(body, [], self._radar, poses) if self._settings.diffuse else []
-        return [*(replace(part, points=None) for part in self.static(poses)[0]), *rough]
+        return [*(replace(part, points=None) for part in self.static(poses, on_disk=False)[0]), *rough]
 
     def room_samples(self, poses: np.ndarray, elements: str = "exact") -> np.ndarray:
-        """Return the samples (F or 1, C, T, R, N) of the room without objects, for sensor poses (F, 4, 4); the last result is cached."""
+        """Return the samples (F or 1, C, T, R, N) of the room without objects, for sensor poses (F, 4, 4); the last result is cached.
+
+        All chirps of a resting radar are equal, so that the array cache stores one chirp for all chirp timings.
+        """
         key = poses.tobytes(), elements
         if self._sampled[0] != key:
-            self._sampled = key, received(self.room(poses), self._radar, len(poses), elements=elements, oscillator=None)
+            radar = self._radar
+
+            def make(radar: Radar = radar) -> np.ndarray:
+                return received(self.room(poses), radar, len(poses), elements=elements, oscillator=None)
+
+            if self.still and self._room is not None:
+                read_fields = {name: value for name, value in vars(radar).items() if name not in UNREAD_AT_REST}
+                spec = {"samples": self._described(poses), "radar": read_fields, "elements": elements}
+                one = made_once(
+                    spec, {"poses": poses}, lambda: make(replace(radar, num_chirps=1)), lambda iq: {"iq": iq}, lambda arrays: arrays["iq"]
+                )
+                self._sampled = key, np.broadcast_to(one, (len(one), radar.num_chirps, *one.shape[2:]))
+            else:
+                self._sampled = key, make()
         return self._sampled[1]
 
     def over_room(self, surfaces: Sequence[Surface], drive: np.ndarray | None = None, aside: np.ndarray | None = None) -> TracedPlaces:
@@ -348,8 +412,9 @@ class Track:
         """
         if self._room is None or not bodies:
             return []
-        parts, levels = self.static(sensor)
-        return shadows_of_movers(parts, levels, bodies, sensor, self._room.room.wavenumber)
+        shaded = self._shaded(sensor)
+        levels = [pruning.level(part, self._radar) for part in shaded.parts]
+        return shadows_of_movers(shaded.parts, levels, shaded.strongest, bodies, sensor, self._room.room.wavenumber)
 
     def at_rest(self, surfaces: Sequence[Surface], sensor: np.ndarray, coupled: bool) -> list[Paths]:
         """Return the paths of `moving` for an object at rest before a radar at rest. The paths of the RESTING objects that were used last
