@@ -1,10 +1,21 @@
 # `make tables` and `make test` need Python 3.11 to 3.13 and pip. They install everything else themselves.
 
 VENV := .venv
+COMMA := ,
 PY := $(VENV)/bin/python
 # Python compiles the modules of the packages when it first imports them. Compiling all modules here would double the time.
 export PYTHONDONTWRITEBYTECODE :=
 PIP := $(PY) -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
+# uv installs the wheels that pip would install, in a fifth of the processor time. It gets the package indexes from the settings of pip. If
+# uv fails, pip installs everything.
+define INSTALL
+@settings="$$($(PY) -m pip --disable-pip-version-check config list)"; \
+  setting() { printf '%s\n' "$$settings" | sed -n "s/^[^=]*[.]$$1='\(.*\)'$$/\1/p" | sed 's/\\n/ /g' | tr '\n' ' '; }; \
+  option() { for value in $$(setting $$1); do printf -- '--%s %s ' $$2 "$$value"; done; }; \
+  { test -z "$$(setting no-index)" && $(PIP) uv && $(PY) -m uv pip install --quiet --python $(PY) --index-strategy unsafe-best-match \
+    $$(option index-url default-index) $$(option extra-index-url index) $$(option find-links find-links) -c constraints.txt -e $(1); } \
+  || $(PIP) -e $(1)
+endef
 SUPPORTED := import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))
 export PYTHONUNBUFFERED := 1
 
@@ -74,12 +85,12 @@ compiled: llvm
 # One call of pip installs both groups, because each call takes over ten seconds to find that nothing is missing.
 $(VENV)/.ready-test: $(PY) pyproject.toml constraints.txt
 	@echo "setting up: pinned dependencies with those of the tests, about 1 GB, one to three minutes"
-	@$(PIP) -e '.[study,test]'
+	$(call INSTALL,'.[study$(COMMA)test]')
 	@touch $(VENV)/.ready $@
 
 $(VENV)/.ready: $(PY) pyproject.toml constraints.txt
 	@echo "setting up: pinned dependencies, about 1 GB, one to three minutes"
-	@$(PIP) -e '.[study]'
+	$(call INSTALL,'.[study]')
 	@touch $@
 
 # Use the first Python that runs and has a supported version. A name on the PATH may be a shim of a version that is not installed.

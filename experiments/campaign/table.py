@@ -79,7 +79,8 @@ def make(campaign: Campaign, progress: Progress) -> Frame:
     missing = campaign.missing(wanted)
     gaps = truth.gaps_of(campaign.config)
     counts = [states(task.domain, task.case, campaign.log(task.case, task.domain).frames, gaps) for task in missing.values()]
-    size = sum(expected_bytes(build_radar(campaign.config.radar), *count) for count in counts)
+    radar = build_radar(campaign.config.radar)
+    size = sum(expected_bytes(radar, task.case.motion, *count) for task, count in zip(missing.values(), counts, strict=True))
     frames, traced = (sum(count[k] for count in counts) for k in (0, 1))
     progress.say(
         f"campaign: {plural(len(wanted), 'recording')}, {len(missing)} of them to be simulated: {frames:,} frames from {traced:,} traced "
@@ -200,7 +201,7 @@ def _expected(config: Config, paper: CampaignConfig, wanted: Sequence[tuple[str,
         lengths = [nominal_log(case, paper, measured=group[0] == MEASURED).frames for case in cases]
         counts = [states(group[0], case, frames, Gaps()) for case, frames in zip(cases, lengths, strict=True)]
         seconds += extrapolated(recorded[group], counts, len({(case.room, case.draw) for case in cases}))
-        size += sum(expected_bytes(radar, *count) for count in counts)
+        size += sum(expected_bytes(radar, group[1], *count) for count in counts)
     return seconds, size
 
 
@@ -224,7 +225,7 @@ def states(domain: str, case: Case, frames: int, gaps: Gaps) -> tuple[int, int]:
     return frames, min(frames, truth.aspects(case.object, gaps)) if domain == MEASURED and case.motion == "turntable" else frames
 
 
-def expected_bytes(radar: Radar, frames: int, traced: int) -> int:
+def expected_bytes(radar: Radar, motion: str, frames: int, traced: int) -> int:
     """Return the disk space of a recording in the store, in bytes.
 
     The disk space is the sum of the recording before receiver effects (clean part) and the processed part. The clean part holds samples as
@@ -233,7 +234,7 @@ def expected_bytes(radar: Radar, frames: int, traced: int) -> int:
     chirp = radar.num_tx * radar.num_rx * radar.num_samples
     bins = int(MAX_RANGE_M / radar.range_resolution_m) + 1
     read = bins * (4 + 8 * len(azimuth_row(radar)) + (4 * radar.num_chirps if traced == frames else 0))
-    return (8 * chirp * traced if traced < frames else int(packed.SHARE * 4 * chirp * radar.num_chirps) * frames) + read * frames
+    return (8 * chirp * traced if traced < frames else int(packed.SHARES[motion == "turntable"] * 4 * chirp * radar.num_chirps) * frames) + read * frames
 
 
 def metrics(made: Frame) -> dict[str, float]:

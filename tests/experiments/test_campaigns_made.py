@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.campaign import table, tally, truth, twin
+from experiments.campaign import packed, table, tally, truth, twin
 from experiments.campaign.campaign import Campaign, load_clean
 from experiments.campaign.cases import Case, log
 from experiments.campaign.turned import Turned
@@ -65,6 +65,7 @@ def config(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Config]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(truth, "record", record)
         patch.setattr(twin, "record", simulated)
+        patch.setattr(packed, "SHARES", (0.9, 0.9))  # noise hardly compresses
         yield compose([*TINY, f"output={tmp_path_factory.mktemp('campaign')}"])
 
 
