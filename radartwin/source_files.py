@@ -14,7 +14,8 @@ from pathlib import Path
 
 _IMPORT = re.compile(r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|.*)|import[ \t]+(.*))", re.MULTILINE)
 _FOR_TYPE_CHECKERS = re.compile(r"^([ \t]*)if (?:typing\.)?TYPE_CHECKING:\n(?:\1[ \t].*\n|\n)+", re.MULTILINE)
-_tops = {"radartwin", "experiments"}
+OWN = ("radartwin", "experiments")
+_tops = {*OWN}
 
 
 def include(top: str) -> None:

@@ -160,9 +160,12 @@ def _version(package: str) -> str:
 
 
 def include(top: str) -> None:
-    """Include a further top-level package or module in source digests, such as the module of a user's own experiment."""
-    source_files.include(top)
-    forget()
+    """Include a further top-level package or module in source digests, such as the module of a user's own experiment. If it is not a
+    package of this project, all source files are read again: for each table of the study, this would take 2 s.
+    """
+    if top not in source_files.OWN:
+        source_files.include(top)
+        forget()
 
 
 def forget() -> None:

@@ -160,3 +160,10 @@ def test_versions_of_numerical_packages_count(package: Path, monkeypatch: pytest
     versions = digest.importlib.metadata.version
     monkeypatch.setattr(digest.importlib.metadata, "version", lambda name: "0.1" if name == "scipy" else versions(name))
     assert source_digest("study_x.top") != before
+
+
+def test_loading_an_experiment_of_the_project_keeps_the_digests_that_are_known():
+    digest.source_digest(["experiments.campaign.truth"])
+    known = digest._code_digest.cache_info().currsize
+    digest.include("experiments")
+    assert digest._code_digest.cache_info().currsize == known > 100
