@@ -20,12 +20,12 @@ SUPPORTED := import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13)
 export PYTHONUNBUFFERED := 1
 
 .NOTPARALLEL:
-.PHONY: tables test net slow check coverage bench mutants docs test-slurm clean setup setup-test llvm compiled
+.PHONY: tables test net slow check coverage bench mutants docs test-slurm clean setup setup-test llvm
 
 tables: setup
 	@$(VENV)/bin/radartwin tables --profile quick
 
-test: setup-test compiled
+test: setup-test setup
 	@$(PY) -m pytest -q -n 2 --dist worksteal
 
 # What no change of structure may change: fixed simulations and rows of tables to 1e-9, the verbs, and the refusals.
@@ -71,22 +71,24 @@ clean:
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Install everything that the radartwin command needs in a checkout, and nothing more. Compile the simulator ahead of its first use.
-setup: compiled
+setup: llvm $(VENV)/.compiled
 setup-test: $(VENV)/.ready-test
 
 llvm: $(VENV)/.ready
 	@$(PY) -m radartwin.simulation.variant --ensure
-
-# Compile before the tests start: otherwise their processes wait for each other's compilers.
-compiled: llvm
-	@echo "setting up: compiling the simulator, a minute the first time"
-	@$(PY) -m radartwin.simulation.compile_ahead
 
 # One call of pip installs both groups, because each call takes over ten seconds to find that nothing is missing.
 $(VENV)/.ready-test: $(PY) pyproject.toml constraints.txt
 	@echo "setting up: pinned dependencies with those of the tests, about 1 GB, one to three minutes"
 	$(call INSTALL,'.[study$(COMMA)test]')
 	@touch $(VENV)/.ready $@
+
+# Compile again after a change of the source code (28 s of processor time if nothing has changed), and before the tests start: otherwise
+# their processes wait for each other's compilers.
+$(VENV)/.compiled: $(VENV)/.ready $(shell find radartwin -name '*.py')
+	@echo "setting up: compiling the simulator, a minute the first time"
+	@$(PY) -m radartwin.simulation.compile_ahead
+	@touch $@
 
 $(VENV)/.ready: $(PY) pyproject.toml constraints.txt
 	@echo "setting up: pinned dependencies, about 1 GB, one to three minutes"
