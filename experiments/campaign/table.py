@@ -234,9 +234,8 @@ def expected_bytes(radar: Radar, motion: str, frames: int, traced: int) -> int:
     chirp = radar.num_tx * radar.num_rx * radar.num_samples
     bins = int(MAX_RANGE_M / radar.range_resolution_m) + 1
     read = bins * (4 + 8 * len(azimuth_row(radar)) + (4 * radar.num_chirps if traced == frames else 0))
-    return (
-        8 * chirp * traced if traced < frames else int(packed.SHARES[motion == "turntable"] * 4 * chirp * radar.num_chirps) * frames
-    ) + read * frames
+    packed_frame = int(packed.SHARES[motion == "turntable"] * 4 * chirp * radar.num_chirps)
+    return (8 * chirp * traced if traced < frames else packed_frame * frames) + read * frames
 
 
 def metrics(made: Frame) -> dict[str, float]:
