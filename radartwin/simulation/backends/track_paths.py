@@ -351,10 +351,10 @@ class Track:
             if self.still and self._room is not None:
                 read_fields = {name: value for name, value in vars(radar).items() if name not in UNREAD_AT_REST}
                 spec = {"samples": self._described(poses), "radar": read_fields, "elements": elements}
-                one = made_once(
+                chirp = made_once(
                     spec, {"poses": poses}, lambda: make(replace(radar, num_chirps=1)), lambda iq: {"iq": iq}, lambda arrays: arrays["iq"]
                 )
-                self._sampled = key, np.broadcast_to(one, (len(one), radar.num_chirps, *one.shape[2:]))
+                self._sampled = key, np.broadcast_to(chirp, (len(chirp), radar.num_chirps, *chirp.shape[2:]))
             else:
                 self._sampled = key, make()
         return self._sampled[1]
