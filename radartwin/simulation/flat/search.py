@@ -24,7 +24,7 @@ from radartwin.compiled import compiled, cores, each, fitted, innermost
 from radartwin.simulation.flat.convex import clip, copy, twice_area
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.field import Walls, beside, edge_point, grazed_face, keller, mirrored, open_angle, panes_on, reflect_points
-from radartwin.simulation.flat.obstacles import MAX_PANES, Point, Vector, crossed
+from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, build, crossed
 from radartwin.simulation.flat.vectors import cross, distance, dot, moved, norm, toward, vector
 
 SPARE = 16  # a beam can have this many corners more than the outlines of the faces; further corners are left out
@@ -160,6 +160,18 @@ def _within(planes: np.ndarray, count: int, x: Vector, radius: float) -> bool:
     while i < count and _level(planes, i, x) >= -radius:
         i += 1
     return i == count
+
+
+@innermost
+def _box_behind(planes: np.ndarray, count: int, box: np.ndarray) -> bool:
+    """Return whether a box, given by its lowest and highest corner (6,), is wholly behind at least one of the planes (count, 4)."""
+    for i in range(count):
+        height = EQUAL_M - planes[i, 3]
+        for k in range(3):
+            height += planes[i, k] * box[k + 3 if planes[i, k] > 0 else k]
+        if height < 0:
+            return True
+    return False
 
 
 @innermost
@@ -341,10 +353,11 @@ def beams(walls: Walls, cell: Cell, longest: int) -> Beams:
 
 @compiled
 def _reach(
-    walls: Walls, cell: Cell, beams: Beams, samples: np.ndarray, longest: int, edge_order: np.ndarray, twice: bool, out: np.ndarray,
-    through: np.ndarray,
+    walls: Walls, edges: Hierarchy, cell: Cell, beams: Beams, samples: np.ndarray, longest: int, edge_order: np.ndarray, twice: bool,
+    out: np.ndarray, through: np.ndarray,
 ) -> int:  # fmt: skip
     """Write (edge, beam) of all edges that a beam reaches, and the transmission to each; returns their number, or -1 if `out` is too short.
+    The labels of `edges` are the numbers of the edges.
 
     A path has at most `longest` reflections. If paths have one diffraction (not `twice`), a path that leaves over a beam of many
     reflections therefore returns over a beam of fewer reflections. The function has examined this beam before.
@@ -369,60 +382,68 @@ def _reach(
             if beams.seen[b, i]:
                 counts[i] = _place_planes(faces, before, cell.places[i], cell.front, polygon, spare, views[i])
         bounds = beam_planes(faces, last, at, reach, beams.polygon[b], beams.corners[b], cell.front, planes)
-        for e in range(len(faces.length)):
-            if last >= 0 and (faces.sides[e, 0] == last or faces.sides[e, 1] == last):
+        node = 0
+        while node < len(edges.box):
+            if _box_behind(planes, bounds, edges.box[node]):
+                node = edges.beyond[node]
                 continue
-            back = longest - edge_order[e] - m
-            fewer = not twice and back < m
-            if fewer and (back < 0 or newest[e, : back + 1].max() < 0):
-                continue
-            start, along = vector(faces.start, e), vector(faces.along, e)
-            low, high = part_inside(planes, bounds, start, along, faces.length[e])
-            if low >= high or not _is_open(faces, e, start, at, reach):
-                continue
-            # shortest way over the edge: from the image to the lit part, and straight back to the cell
-            foot, straight = dot(toward(start, at, 1.0), along), dot(toward(start, place, 1.0), along)
-            near = distance(at, moved(start, along, min(max(foot, low), high)))
-            near = max(near + distance(place, moved(start, along, min(max(straight, 0.0), faces.length[e]))) - 2 * reach, 0.0)
-            least = cell.least * near * beams.passed[b] / (BOTH * beams.strength[b])  # smallest transmission that matters
-            if beams.passed[b] < least:
-                continue
-            # a beam of fewer reflections that reaches the edge and closes a strong path
-            returns = not fewer
-            for few in range(min(back + 1, newest.shape[1]) if fewer else 0):
-                a = newest[e, few]
-                while a >= 0 and not returns:
-                    other = out[a, 1]
-                    gain = beams.strength[b] * beams.strength[other] * through[a] / beams.passed[other]
-                    returns = _single(faces, e, walls.wavenumber, reach, gain, cell.least, at, vector(beams.image, other))
-                    a = before_it[a]
-            if not returns:
-                continue
-            # largest transmission to samples of the part of the edge that each place lights
-            lit = 0.0
-            for i in range(len(cell.places)):
-                if not beams.seen[b, i]:
+            for t in range(edges.first[node], edges.stop[node]):
+                e = edges.label[t]
+                if last >= 0 and (faces.sides[e, 0] == last or faces.sides[e, 1] == last):
                     continue
-                source, known = cell.places[i], lit
-                low, high = part_inside(views[i], counts[i], start, along, faces.length[e])
-                # the foot first, at which a path that returns over the same beam is diffracted; one sample of each place after a lit one
-                for k in range(0 if known > 0 else -1, len(samples) if low < high else -1):
-                    z = min(max(foot, low + 1e-5), high - 1e-5) if k < 0 else low + samples[(i + k) % len(samples)] * (high - low)
-                    x = edge_point(faces, e, z)
-                    if reflect_points(faces, source, before, x, points):
-                        lit = max(lit, _passed(walls, source, points, m, x, pane_ids, least))
-                        if known > 0 or lit >= beams.passed[b]:
-                            break
-                if lit >= beams.passed[b]:
-                    break
-            if lit == 0:
-                continue
-            if number == len(out):
-                return -1
-            out[number, 0], out[number, 1], through[number] = e, b, lit
-            if 2 * m < longest:
-                newest[e, m], before_it[number] = number, newest[e, m]
-            number += 1
+                back = longest - edge_order[e] - m
+                fewer = not twice and back < m
+                if fewer and (back < 0 or newest[e, : back + 1].max() < 0):
+                    continue
+                start, along = vector(faces.start, e), vector(faces.along, e)
+                low, high = part_inside(planes, bounds, start, along, faces.length[e])
+                if low >= high or not _is_open(faces, e, start, at, reach):
+                    continue
+                # shortest way over the edge: from the image to the lit part, and straight back to the cell
+                foot, straight = dot(toward(start, at, 1.0), along), dot(toward(start, place, 1.0), along)
+                near = distance(at, moved(start, along, min(max(foot, low), high)))
+                near = max(near + distance(place, moved(start, along, min(max(straight, 0.0), faces.length[e]))) - 2 * reach, 0.0)
+                least = cell.least * near * beams.passed[b] / (BOTH * beams.strength[b])  # smallest transmission that matters
+                if beams.passed[b] < least:
+                    continue
+                # a beam of fewer reflections that reaches the edge and closes a strong path
+                returns = not fewer
+                for few in range(min(back + 1, newest.shape[1]) if fewer else 0):
+                    a = newest[e, few]
+                    while a >= 0 and not returns:
+                        other = out[a, 1]
+                        gain = beams.strength[b] * beams.strength[other] * through[a] / beams.passed[other]
+                        returns = _single(faces, e, walls.wavenumber, reach, gain, cell.least, at, vector(beams.image, other))
+                        a = before_it[a]
+                if not returns:
+                    continue
+                # largest transmission to samples of the part of the edge that each place lights
+                lit = 0.0
+                for i in range(len(cell.places)):
+                    if not beams.seen[b, i]:
+                        continue
+                    source, known = cell.places[i], lit
+                    low, high = part_inside(views[i], counts[i], start, along, faces.length[e])
+                    # the foot first, at which a path that returns over the same beam is diffracted
+                    # one sample of each place after a lit one
+                    for k in range(0 if known > 0 else -1, len(samples) if low < high else -1):
+                        z = min(max(foot, low + 1e-5), high - 1e-5) if k < 0 else low + samples[(i + k) % len(samples)] * (high - low)
+                        x = edge_point(faces, e, z)
+                        if reflect_points(faces, source, before, x, points):
+                            lit = max(lit, _passed(walls, source, points, m, x, pane_ids, least))
+                            if known > 0 or lit >= beams.passed[b]:
+                                break
+                    if lit >= beams.passed[b]:
+                        break
+                if lit == 0:
+                    continue
+                if number == len(out):
+                    return -1
+                out[number, 0], out[number, 1], through[number] = e, b, lit
+                if 2 * m < longest:
+                    newest[e, m], before_it[number] = number, newest[e, m]
+                number += 1
+            node += 1
     return number
 
 
@@ -441,14 +462,16 @@ def reached(walls: Walls, cell: Cell, beams: Beams, longest: int, twice: bool) -
 
     The second result is the largest transmission (M,) of the panes on the way. twice: whether paths may have two diffractions.
     """
-    few = _fewer(beams, longest)
+    faces, few = walls.faces, _fewer(beams, longest)
+    ends = faces.start + faces.length[:, None] * faces.along
+    edges = build(np.stack([faces.start, ends, ends], axis=1), np.arange(len(ends)))
 
     def written(rows: int) -> tuple[np.ndarray, np.ndarray] | None:
         out, through = np.empty((rows, 2), np.int64), np.empty(rows)
-        number = _reach(walls, cell, few, np.array(SAMPLES), longest, own_reflections(walls.faces), twice, out, through)
+        number = _reach(walls, edges, cell, few, np.array(SAMPLES), longest, own_reflections(faces), twice, out, through)
         return (out[:number], through[:number]) if number >= 0 else None
 
-    out, through = fitted(written, 65536)
+    out, through = fitted(written, 1 << 22)  # memory that nothing reads or writes costs no time
     order = np.argsort(out[:, 0], kind="stable")
     return out[order], through[order]
 
