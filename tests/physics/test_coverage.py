@@ -12,8 +12,9 @@ import trimesh
 
 from radartwin.errors import BackendError
 from radartwin.radar.chirp import Radar
+from radartwin.scene.objects import shapes
 from radartwin.scene.scene import Scene, Surface
-from radartwin.simulation import geometry
+from radartwin.simulation import geometry, variant
 from radartwin.simulation.backends import tube_paths
 from radartwin.simulation.curved import division, tube_grid
 from radartwin.simulation.hits import TraceOptions
@@ -51,6 +52,31 @@ def test_too_many_tubes_for_an_index_are_refused() -> None:
     grid = tube_grid.all_around(np.zeros((200, 3)), np.tile(np.eye(3), (200, 1, 1)), 6 * 8000**2)[0]
     with pytest.raises(BackendError, match="exceed the limit"):
         next(division.blocks(None, grid, geometry.build([]), TraceOptions(1), None, False, 0.004))  # pyright: ignore[reportArgumentType]
+
+
+def test_poses_with_equal_grids_have_the_tubes_of_each_pose_alone() -> None:
+    variant.activate()
+    from radartwin.simulation.curved.device import Device
+    from radartwin.simulation.curved.flight import WHOLE
+
+    can, options = geometry.build([shapes.cylinder(0.033, 0.12)]), TraceOptions(1)
+    places = np.array([[1.0, 0.2, 0.7], [0.8, -0.1, 0.9], [1.0, 0.2, 0.7], [0.9, 0.0, 0.2], [0.8, -0.1, 0.9]])
+    grid = tube_grid.towards(can.hull_points(), places, can.centre, 0.004, (0.25, 0.25))
+    assert grid is not None
+
+    def tubes(grid: tube_grid.TubeGrid, pose: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the grid cell of each tube of a pose, -1 for a piece of a cell, and the centres of all pieces."""
+        (selection,) = division.blocks(Device.of(can, options), grid, can, options, None, False, 0.004)
+        assert selection.share is not None
+        assert selection.cut is not None
+        mine = selection.index // grid.per_pose == pose
+        share = selection.share[mine]
+        piece = share // (WHOLE + 1) - 1
+        return np.where(piece < 0, selection.index[mine] % grid.per_pose, -1), selection.cut.centre[piece[piece >= 0]]
+
+    for pose in range(len(places)):
+        for together, alone in zip(tubes(grid, pose), tubes(grid.rows(np.array([pose])), 0), strict=True):
+            np.testing.assert_array_equal(together, alone)
 
 
 @pytest.mark.parametrize("bounces", [1, 3])

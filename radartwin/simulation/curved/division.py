@@ -72,10 +72,17 @@ def blocks(
     tested = not panes and (small or (options.max_bounces > 1 if walls is None else not device.curved))
     step = max(1, TUBES_PER_BLOCK // (2 * grid.per_pose))
     for low in range(0, grid.poses, step):
-        poses = low, min(low + step, grid.poses)
-        sequences = patch_sequences(device, grid, poses, options, walls) if tested else None
-        cut = borders.cut(geometry, grid, poses, None if sequences is None else _around(sequences, grid, SEVERAL), among)
-        index, share, cut = divided(cut, sequences, grid, poses, device.curved, small)
+        # poses with equal tubes, such as those of the pairs of one leg to an object and several legs back, are divided once
+        distinct, which = grid.rows(slice(low, low + step)).distinct()
+        poses = 0, distinct.poses
+        sequences = patch_sequences(device, distinct, poses, options, walls) if tested else None
+        cut = borders.cut(geometry, distinct, poses, None if sequences is None else _around(sequences, distinct, SEVERAL), among)
+        index, share, cut = divided(cut, sequences, distinct, poses, device.curved, small)
+        first = np.searchsorted(index, np.arange(distinct.poses + 1) * grid.per_pose)
+        count = np.diff(first)[which]
+        pose = np.repeat(np.arange(len(which)), count)
+        row = np.arange(len(pose)) + (first[which] - np.cumsum(count) + count)[pose]
+        index, share = index[row] + (low + pose - which[pose]) * grid.per_pose, share[row]
         for start in range(0, len(index), TUBES_PER_BLOCK):
             part = slice(start, start + TUBES_PER_BLOCK)
             tubes = index[part].astype(np.uint32)

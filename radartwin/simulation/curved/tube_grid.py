@@ -4,7 +4,7 @@ The grids are regular because the tubes must cover the wavefront without gaps an
 fraction of a cell, but it never moves a single ray within its tube.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,6 +38,17 @@ class TubeGrid:
     @property
     def per_pose(self) -> int:
         return self.count_u * self.count_v
+
+    def rows(self, keep: np.ndarray | slice) -> "TubeGrid":
+        """Return the grids of the sensor poses that an index array or a slice selects."""
+        names = "source", "forward", "u_axis", "v_axis", "low_u", "low_v", "step_u", "step_v"
+        return replace(self, **{name: getattr(self, name)[keep] for name in names})
+
+    def distinct(self) -> tuple["TubeGrid", np.ndarray]:
+        """Return the grids of the sensor poses that have different grids, and for each pose the number (F,) of its grid among these."""
+        starts = self.source, self.forward, self.u_axis, self.low_u[:, None], self.low_v[:, None]
+        _, first, which = np.unique(np.concatenate(starts, axis=1), axis=0, return_index=True, return_inverse=True)
+        return self.rows(first), which.ravel()
 
 
 def frame_towards(forward: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -94,9 +105,15 @@ def towards(
 
 def near(points: np.ndarray, source: np.ndarray, centre: np.ndarray) -> np.ndarray:
     """Return a mask (F,) of the sources that are inside the target or too close to it for one planar grid; arguments as in `towards`."""
-    rows = max(1, POINTS_AT_ONCE // max(len(points), 1))
-    blocks = [slice(k, k + rows) for k in range(0, len(source), rows)]
-    return np.concatenate([np.zeros(0, bool), *(_view(points, source[rows], centre, False)[5] for rows in blocks)])
+    out = np.zeros(len(source), bool)
+    reach = np.linalg.norm(points - centre, axis=1).max(initial=0.0)
+    # farther away, all depths are above 0.2 times the distance, and all coordinates in the view are below 4
+    doubtful = np.flatnonzero(np.linalg.norm(source - centre, axis=1) < 1.3 * reach)
+    step = max(1, POINTS_AT_ONCE // max(len(points), 1))
+    for first in range(0, len(doubtful), step):
+        rows = doubtful[first : first + step]
+        out[rows] = _view(points, source[rows], centre, False)[5]
+    return out
 
 
 def _view(points: np.ndarray, source: np.ndarray, centre: np.ndarray, plane: bool) -> tuple[np.ndarray, ...]:
