@@ -162,10 +162,10 @@ def shadows_of_movers(
         assert part.points is not None
         kept = [(np.zeros(0, int), np.zeros(0, int), np.zeros(0, complex))]
         for frame, row in visibility.pairs(part, frames):
-            factor = np.ones(len(row), complex)
+            factor, weakest = np.ones(len(row), complex), SHADED * most[frame] / np.maximum(loudness[row], 1e-300)
             for body, inverse, sensor in seen:
                 points = np.einsum("nij,nvj->nvi", inverse[frame, :3, :3], part.points[row]) + inverse[frame, None, :3, 3]
-                factor *= shadows.factors(body, sensor[frame], points, part.mirror is not None, wavenumber)
+                factor *= shadows.factors(body, sensor[frame], points, part.mirror is not None, wavenumber, least=weakest)
             change = factor - 1
             shaded = np.abs(change) * loudness[row] > SHADED * most[frame]
             kept.append((frame[shaded], row[shaded], change[shaded]))

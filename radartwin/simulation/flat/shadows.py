@@ -23,6 +23,7 @@ from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vec
 from radartwin.simulation.flat.silhouette import MAX_SEGMENTS, Skin, outline, picture_axes
 from radartwin.simulation.flat.vectors import ZERO, cross, distance, dot, moved, norm, put, toward, vector
 
+WAVES = 0.7  # a body changes a path by at most this over the `reach` of `near`: 0.16 for each of two edges beside two lines
 SEEN = 0.02  # weaker edge waves are added without a test whether their edge is visible, and continue along the path's own lines
 BEYOND_M = 0.05  # edges beside a line count up to this far beyond its mirrors, because the edges of a body and its image cancel there
 IN_PLANE_M = 1e-4  # an edge within this distance of a mirror's plane lies in the plane
@@ -59,13 +60,13 @@ def line_of(start: Vector, end: Vector, before: float, after: float, normal_a: V
 
 
 @innermost
-def near(centre: Point, radius: float, line: Line, wavenumber: float) -> bool:
+def near(centre: Point, radius: float, line: Line, wavenumber: float, reach: float) -> bool:
     """Return whether edges in a ball can change the field of a line: whether a path over the ball can be longer than the straight path by
-    at most the excess for the Fresnel coordinate REACH both across and along an edge.
+    at most the excess for the Fresnel coordinate `reach` both across and along an edge.
 
     The points of such paths form an ellipsoid around source and receiver, of which the part between the ends of the line counts.
     """
-    excess, total = math.pi * REACH * REACH / wavenumber, line.before + line.length + line.after
+    excess, total = math.pi * reach * reach / wavenumber, line.before + line.length + line.after
     along = dot(centre, line.way) - dot(line.source, line.way)
     if along + radius < line.before - BEYOND_M - excess or along - radius > line.before + line.length + BEYOND_M + excess:
         return False
@@ -128,7 +129,7 @@ def past_faces(
     while node < len(box):
         low, high = (box[node, 0], box[node, 1], box[node, 2]), (box[node, 3], box[node, 4], box[node, 5])
         half = toward(low, high, 2.0)
-        if not near(moved(low, half, 1.0), norm(half), line, wavenumber):
+        if not near(moved(low, half, 1.0), norm(half), line, wavenumber, REACH):
             node = edges.beyond[node]
             continue
         for t in range(edges.first[node], edges.stop[node]):
@@ -187,8 +188,9 @@ class _Walks(NamedTuple):
 
 
 def factors(
-    body: Skin, sensor: np.ndarray, points: np.ndarray, mirrors: bool, wavenumber: float, receiver: np.ndarray | None = None
-) -> np.ndarray:
+    body: Skin, sensor: np.ndarray, points: np.ndarray, mirrors: bool, wavenumber: float, receiver: np.ndarray | None = None,
+    least: np.ndarray | None = None,
+) -> np.ndarray:  # fmt: skip
     """Return the factors (N,) of paths for exp(+j k L).
 
     Args:
@@ -196,6 +198,7 @@ def factors(
         mirrors: whether these points are mirror points. Behind a mirror point, the wave continues as if it came from the sensor's image. At
             any other point, the wave starts anew.
         receiver: (N, 3) last point of each path; None: the sensor.
+        least: (N,) changes below which the factor of a path may be 1; None: zero.
     """
     out = np.ones(len(points), complex)
     if not len(out):
@@ -208,7 +211,8 @@ def factors(
     before = (np.cumsum(length, axis=1) - length) * mirrors
     after = (length.sum(axis=1, keepdims=True) - length) * mirrors - before
     beside = np.zeros(length.shape, bool)
-    shared_out(_beside, len(out), body, met, length, before, after, wavenumber, beside, grain=1000)
+    reach = np.full(len(out), REACH) if least is None else np.minimum(WAVES / np.maximum(least, 1e-9), REACH)
+    shared_out(_beside, len(out), body, met, length, before, after, wavenumber, reach, beside, grain=1000)
     path, line = np.nonzero(beside)
     if not len(path):
         return out
@@ -249,14 +253,19 @@ def factors(
 @compiled
 def _beside(
     low: int, high: int, body: Skin, met: np.ndarray, length: np.ndarray, before: np.ndarray, after: np.ndarray, wavenumber: float,
-    out: np.ndarray,
+    reach: np.ndarray, out: np.ndarray,
 ) -> None:  # fmt: skip
-    """Write which lines of the paths `low` to `high` - 1 the body may change to `out` (N, M)."""
+    """Write which lines of the paths `low` to `high` - 1 the body may change to `out` (N, M): none of a path with no line that is nearer
+    than its `reach` (N,).
+    """
     for n in range(low, high):
+        changes = False
         for i in range(length.shape[1]):
             if length[n, i] > 1e-9:
                 line = line_of(vector(met[n], i), vector(met[n], i + 1), before[n, i], after[n, i], ZERO, ZERO)
-                out[n, i] = near(body.centre, body.radius[0], line, wavenumber)
+                out[n, i] = near(body.centre, body.radius[0], line, wavenumber, REACH)
+                changes = changes or (out[n, i] and near(body.centre, body.radius[0], line, wavenumber, reach[n]))
+        out[n] &= changes
 
 
 def _rounded(viewer: np.ndarray, centre: np.ndarray) -> np.ndarray:
