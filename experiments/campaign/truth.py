@@ -312,15 +312,17 @@ def _creep(case: Case, place: _Place, seed: int, root: int) -> drift.Drift | Non
         tally.count(tally.SETUPS)
         return drift.traced(room, creeps)
 
-    def running(state: float) -> np.ndarray:
-        warm = drift.shifted(below, RUNNING, state, creeps, root)
-        parts = [part for surface in warm for part in _drives(case, place, root).moving([surface], sensor, np.eye(4)[None], False)]
-        return received(parts, short, 1, elements="exact", oscillator=None)[0, 0]
+    def running() -> np.ndarray:
+        states, parts = drift.nodes(creeps), []
+        for surface in below:  # all states have the same tubes, in the surface's own frame
+            poses = np.stack([drift.shift(surface.name, state, creeps, root) for state in states])
+            parts += _drives(case, place, root).moving([surface], sensor, poses, False)
+        return received(parts, short, len(states), elements="exact", oscillator=None)[:, 0]
 
     key = f"{case.room} {root} {place.gaps} {settings} {short}"
     states = _creeping.get(key, 1, room_states)
     key = f"{key} {stand_top(nominal).tobytes().hex()}"
-    stand_states = _running.get(key, 1, lambda: drift.traced(running, creeps))
+    stand_states = _running.get(key, 1, running)
     times = np.arange(nominal.frames) / nominal.frame_rate_hz
     return drift.Drift(states + stand_states, drift.course(times, creeps, seed))
 

@@ -76,10 +76,21 @@ class Drift:
             iq[block] += self.at(block)[:, None]
 
 
+def nodes(errors: DriftErrors) -> NDArray[np.float64]:
+    """Return the temperature states (S,) in standard deviations at which the room is simulated."""
+    half = max(1, int(np.ceil(REACH * errors.creep_m / STEP_M - 1e-9)))
+    return np.linspace(-REACH, REACH, 2 * half + 1)
+
+
 def traced(signal: Callable[[float], NDArray], errors: DriftErrors) -> NDArray[np.complex64]:
     """Compute `Drift.states` (S, T, R, N). `signal` maps a temperature state (standard deviations) to the room's signal (T, R, N)."""
-    half = max(1, int(np.ceil(REACH * errors.creep_m / STEP_M - 1e-9)))
-    return np.stack([signal(state) for state in np.linspace(-REACH, REACH, 2 * half + 1)]).astype(np.complex64)
+    return np.stack([signal(state) for state in nodes(errors)]).astype(np.complex64)
+
+
+def shift(name: str, state: float, errors: DriftErrors, seed: int) -> NDArray[np.float64]:
+    """Return the pose (4, 4) by which the surface `name` is moved in a temperature state; the other arguments are those of `shifted`."""
+    angle = 2 * np.pi * np.random.default_rng(np.random.SeedSequence([seed, *b"drift", *name.encode()])).random()
+    return pose(state * errors.creep_m * np.array([np.cos(angle), np.sin(angle), 0.0]))
 
 
 def shifted(surfaces: Iterable[Surface], names: Collection[str], state: float, errors: DriftErrors, seed: int) -> list[Surface]:
@@ -93,9 +104,7 @@ def shifted(surfaces: Iterable[Surface], names: Collection[str], state: float, e
     out = []
     for surface in surfaces:
         if surface.name in names and state:
-            angle = 2 * np.pi * np.random.default_rng(np.random.SeedSequence([seed, *b"drift", *surface.name.encode()])).random()
-            shift = state * errors.creep_m * np.array([np.cos(angle), np.sin(angle), 0.0])
-            surface = surface.moved(pose(shift))
+            surface = surface.moved(shift(surface.name, state, errors, seed))
         out.append(surface)
     return out
 

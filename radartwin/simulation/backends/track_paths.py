@@ -266,7 +266,8 @@ class Track:
             return [tube_paths.room_paths(room.surfaces, tube_paths.Target(room.geometry, room.table), settings, radar, poses)]
         walls = room.room_paths(poses, radar, settings.max_bounces, settings.prune, self.searched)
         if self.still or settings.place_spacing_m == 0:  # every pose is a place, with all tubes
-            return [*walls, *room.object_paths(settings, poses, radar, pruning.PAIRS * self._loudest_of(walls, len(poses)))]
+            clutter = room.object_paths(settings, poses, radar, pruning.PAIRS * self._loudest_of(walls, len(poses)))
+            return [*walls, *((merged(part, radar) for part in clutter) if self._sparse else clutter)]
         if not self._sparse:
             alone = room.object_paths(replace(settings, coupling=False), poses, radar)
             walls = [*walls, *(merged(part, radar) for part in alone)]
