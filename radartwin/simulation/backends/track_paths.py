@@ -236,6 +236,7 @@ class Track:
             "surfaces": [(s.kind, s.name, s.roughness_m, str(s.material)) for s in room.surfaces],
             "geometry": room.geometry.digest,
             "track": array_digest(self._poses),  # for which the sequences of faces and edges are searched
+            "sparse": self._sparse,
             "searched": None if searched is None else {name: array_digest(array) for name, array in searched.to_arrays().items()},
             **room.described(self._radar, poses),
         }
