@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import importlib.util
 import traceback
+from collections import Counter
 from collections.abc import Callable, Sequence
+from operator import itemgetter
 from pathlib import Path
 
 from analysis import registry, report, table_runs
@@ -151,6 +153,8 @@ def write_report(output: Path, fresh: Sequence[str] = (), current: Callable[[str
         def is_current(name: str, entry: dict) -> bool:
             return name in fresh or entry["run_key"] == (current or _current)(name, entry["profile"], output)
 
+        usual_profile = max(Counter(entry["profile"] for entry in entries.values()).items(), key=itemgetter(1), default=("quick", 0))[0]
+        usual = registry.of_profile(usual_profile)
         sections = []
         for name in registry.NAMES:
             table, entry, failure = registry.table(name), entries.get(name), failures.get(name)
@@ -160,8 +164,8 @@ def write_report(output: Path, fresh: Sequence[str] = (), current: Callable[[str
                 section = report.Section(table, output, failure["profile"], absent=report.FAILED, error=failure["error"])
             else:
                 known = entry or failure
-                profile, state = (known["profile"], report.STALE) if known else ("quick", report.MISSING)
-                section = report.Section(table, output, profile, absent=state)
+                state = report.STALE if known else report.MISSING if name in usual else report.LEFT_OUT
+                section = report.Section(table, output, known["profile"] if known else usual_profile, absent=state)
             sections.append(section)
         for state in (report.MISSING, report.STALE, report.FAILED):
             if names := [section.table.name for section in sections if section.absent == state]:

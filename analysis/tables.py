@@ -2,6 +2,7 @@
 
 The columns that describe the case (object, room, motion and so on) come first, then the run keys, then the score columns in a fixed order.
 The CSV has full precision and every run key. The Markdown, LaTeX and HTML files round to three significant digits and have no run keys.
+The HTML table begins with what a reader needs: claim, verdict, value with interval, the paper's figure, and why the verdict follows.
 """
 
 from __future__ import annotations
@@ -9,19 +10,28 @@ from __future__ import annotations
 import csv
 import html
 import io
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from analysis.registry import TESTBED_NOTE
 from radartwin.io import files
-from radartwin.runs.experiment import SCORE_COLUMNS, Table, check_rows
+from radartwin.runs.experiment import JUDGED, SCORE_COLUMNS, Table, check_rows
 
-Row = dict[str, Any]
+Row = Mapping[str, Any]
 FORMATS = ("csv", "md", "tex", "html")
-_NUMBER = int | float | None
-_UNITS = {"m": "m", "db": "dB", "deg": "deg", "hz": "Hz", "s": "s", "mps": "m/s"}
+FRONT = ("claim", "verdict", "value", "paper", "why")  # the first columns of an HTML table
+_UNITS = {"m": "m", "m2": "m²", "mm": "mm", "db": "dB", "deg": "deg", "hz": "Hz", "s": "s", "mps": "m/s", "mib": "MiB"}
 _WIDE = 6  # largest number of columns that fits into one column of a page
+_FLOAT = re.compile(r"-?\d+\.\d+(e[+-]?\d+)?|-?\d+e[+-]?\d+")
+_NUMBER = re.compile(rf"-?\d+|{_FLOAT.pattern}|")
+CASES, LEVELS = 6, 16  # largest number of columns that describe a case, and of different numbers in one of them
+_NO_CASE = {
+    "claim", "claim of the paper", *JUDGED, "reason", "why", "draws", "items", "seed", "answers", "chance", "seed_sd", "limit", "run_keys",
+    "strength 0.5", "strength 1",
+    "strength 2", "over all strengths", "table", "title", "note", "machine", "source", "sources", "values", "recordings", "scans", "first_only", "second_only", *SCORE_COLUMNS,
+}  # fmt: skip
 # Non-ASCII characters that captions, claims and metrics may contain, with their LaTeX commands. pdflatex cannot typeset others.
 _SYMBOLS = {
     "–": "--", "−": "$-$", "±": r"$\pm$", "×": r"$\times$", "≤": r"$\leq$", "≥": r"$\geq$", "→": r"$\rightarrow$", "°": r"$^\circ$",
@@ -36,7 +46,7 @@ def write(table: Table, rows: Sequence[Row], folder: Path) -> list[Path]:
     Raises:
         InputError: a row lacks a score column, has an unknown verdict, or has a value outside its confidence interval.
     """
-    check_rows(table.name, list(rows))
+    check_rows(table.name, [dict(row) for row in rows])
     texts = {"csv": to_csv(rows), "md": to_markdown(table, rows), "tex": to_latex(table, rows), "html": to_html(table, rows)}
     return [files.write_atomically(folder / f"{table.name}.{suffix}", texts[suffix]) for suffix in FORMATS]
 
@@ -48,11 +58,17 @@ def columns(rows: Sequence[Row]) -> list[str]:
 
 
 def caption(table: Table, rows: Sequence[Row]) -> str:
-    """Return the declared caption of a table, with notes on draws and on the testbed (virtual measurements) if it is used."""
-    draws = max((int(row.get("draws") or 1) for row in rows), default=1)  # `draws` is a text if the rows come from a written CSV file
-    notes = [f"Values are means over {draws} draws of the virtual measurements. Figures show the first draw."] if draws > 1 else []
-    notes += [TESTBED_NOTE] if any("testbed" in str(row["domain"]) for row in rows) else []
-    return " ".join([table.caption, *notes])
+    """Return the declared caption of a table, and for several draws what the values are."""
+    draws = max(
+        (int(float(row.get("draws") or 1)) for row in rows), default=1
+    )  # `draws` is a text if the rows come from a written CSV file
+    drawn = f" Values are means over {draws} draws of the virtual measurements. Figures show the first draw." if draws > 1 else ""
+    return table.caption + drawn
+
+
+def full_caption(table: Table, rows: Sequence[Row]) -> str:
+    """Return the caption of a table that stands alone, which says what the testbed is if the table is scored against it."""
+    return " ".join([caption(table, rows), *([TESTBED_NOTE] if any("testbed" in str(row["domain"]) for row in rows) else [])])
 
 
 def to_csv(rows: Sequence[Row]) -> str:
@@ -65,62 +81,154 @@ def to_csv(rows: Sequence[Row]) -> str:
 
 def to_markdown(table: Table, rows: Sequence[Row]) -> str:
     names, cells = _cells(rows)
-    lines = [f"| {' | '.join(heading(c) for c in names)} |", f"|{'---|' * len(names)}"]
-    lines += [f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |" for row in cells]
-    return f"**{table.title}.** {caption(table, rows)}\n\n" + "\n".join(lines) + "\n"
+    lines = [[heading(c) for c in names], ["---"] * len(names), *([cell.replace("|", "\\|") for cell in row] for row in cells)]
+    return f"**{table.title}.** {full_caption(table, rows)}\n\n" + "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 def to_latex(table: Table, rows: Sequence[Row]) -> str:
     """Format a table as LaTeX for pdflatex with booktabs and graphicx. A wide table is shrunk to the width of both page columns."""
     names, cells = _cells(rows)
-    align = "".join("r" if all(isinstance(row.get(c), _NUMBER) for row in rows) else "l" for c in names)
-    body = "\n".join(f"    {' & '.join(_latex(cell) for cell in row)} \\\\" for row in cells)
-    head = " & ".join(_latex(heading(c)) for c in names)
+    align = "".join("r" if _numeric(rows, c) else "l" for c in names)
+    head, *body = (" & ".join(map(_latex, line)) + r" \\" for line in ([heading(c) for c in names], *cells))
     shape, width = ("table*", r"\textwidth") if len(names) > _WIDE else ("table", r"\columnwidth")
+    lines = "\n".join(f"    {line}" for line in body)
     return rf"""\begin{{{shape}}}[t]
   \centering
-  \caption{{\textbf{{{_latex(table.title)}.}} {_latex(caption(table, rows))}}}
+  \caption{{\textbf{{{_latex(table.title)}.}} {_latex(full_caption(table, rows))}}}
   \label{{tab:{table.name}}}
   \resizebox{{{width}}}{{!}}{{%
   \begin{{tabular}}{{{align}}}
     \toprule
-    {head} \\
+    {head}
     \midrule
-{body}
+{lines}
     \bottomrule
   \end{{tabular}}}}
 \end{{{shape}}}
 """
 
 
-def to_html(table: Table, rows: Sequence[Row]) -> str:
-    """Format a table as an HTML table element. The text is ASCII, so that a page of any encoding can include the element."""
+def to_html(table: Table, rows: Sequence[Row], captioned: bool = True) -> str:
+    """Format a table as an HTML table element. The text is ASCII, so that a page of any encoding can include the element.
+
+    The columns FRONT come first. The further columns have the class "more"; a last line has the cells that are equal in all rows.
+    """
     names, cells = _cells(rows)
-    kinds = [' class="number"' if all(isinstance(row.get(c), _NUMBER) for row in rows) else "" for c in names]
-    head = "".join(f'<th scope="col"{kind}>{html.escape(heading(c))}</th>' for c, kind in zip(names, kinds, strict=True))
-    body = "\n".join(
-        f'<tr id="{table.name}-{number}" class="{html.escape(slug(row["verdict"]))}">'
-        + "".join(f"<td{kind}>{html.escape(cell)}</td>" for cell, kind in zip(texts, kinds, strict=True))
-        + "</tr>"
-        for number, (row, texts) in enumerate(zip(rows, cells, strict=True), 1)
+    told = case_columns(rows)
+    equal = {c for k, c in enumerate(names) if len(cells) > 1 and len({line[k] for line in cells}) == 1}
+    front = {*FRONT, "claim of the paper", "low", "high"}
+    more = [(k, c) for k, c in enumerate(names) if c not in front | equal]
+    kinds = {c: ' class="more number"' if _numeric(rows, c) else ' class="more"' for _, c in more}
+    head = [*(f"<th scope=col>{c}</th>" for c in FRONT), *(f"<th scope=col{kinds[c]}>{html.escape(heading(c))}</th>" for _, c in more)]
+    body = []
+    for number, (row, line) in enumerate(zip(rows, cells, strict=True), 1):
+        first, rest = label(row, told)
+        tone, paper = html.escape(slug(row["verdict"])), html.escape(_text(row["paper"]).replace(" +- ", " ± "))
+        shown = [
+            f"<th scope=row>{html.escape(first)}<small>{html.escape(rest)}</small></th>", f"<td>{html.escape(row['verdict'])}</td>",
+            f"<td>{value(row)}</td>", f"<td>{paper}</td>", f"<td>{html.escape(why(row))}</td>",
+        ]  # fmt: skip
+        others = [f"<td{kinds[c]}>{html.escape(line[k])}</td>" for k, c in more]
+        body.append(f'<tr id="{table.name}-{number}" class="{tone}">{"".join([*shown, *others])}</tr>')
+    same = "; ".join(f"{heading(c)}: {cells[0][names.index(c)]}" for c in names if c in equal - front and cells[0])
+    foot = f"<tfoot class=more><tr><td colspan={len(head)}>In every row: {html.escape(same)}</td></tr></tfoot>\n" if same else ""
+    text = (
+        f"<caption><strong>{html.escape(table.title)}.</strong> {html.escape(full_caption(table, rows))}</caption>\n" if captioned else ""
     )
-    text = f"<strong>{html.escape(table.title)}.</strong> {html.escape(caption(table, rows))}"
-    table_text = f"<table>\n<caption>{text}</caption>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table>\n"
-    return table_text.encode("ascii", "xmlcharrefreplace").decode()
+    lines = "\n".join(body)
+    whole = f"<table>\n{text}<thead><tr>{''.join(head)}</tr></thead>\n<tbody>\n{lines}\n</tbody>\n{foot}</table>\n"
+    return whole.encode("ascii", "xmlcharrefreplace").decode()
+
+
+def case_columns(rows: Sequence[Row]) -> list[str]:
+    """Return the columns that distinguish the cases of a table: words, or few different numbers, but no measured values."""
+
+    def distinguishes(column: str) -> bool:
+        cells = {_text(row.get(column)) for row in rows} - {""}
+        words = cells - {"True", "False"}
+        numeric = all(_NUMBER.fullmatch(cell) for cell in cells)
+        several = len(cells) > 1 or (bool(cells) and any(not _text(row.get(column)) for row in rows))
+        return bool(words) and several and (len(cells) <= LEVELS if numeric else len(cells) < max(len(rows), 3))
+
+    return [c for c in columns(rows) if c not in _NO_CASE and distinguishes(c)][:CASES]
+
+
+def label(row: Row, cases: Sequence[str]) -> tuple[str, str]:
+    """Return the claim of a row, or its metric if it states none, and the case that it belongs to."""
+    claim, metric = _text(row.get("claim of the paper") or row.get("claim")), _text(row["metric"])
+    case = [_case(c, text) for c in cases if (text := _text(row.get(c)))]
+    return claim or metric, ", ".join([*([metric] if claim else []), *case])
+
+
+def _case(column: str, text: str) -> str:
+    """Return a cell that describes a case: words as they are, a number with its unit ("0.5 m") or its column's name ("strength 0.5")."""
+    if not _NUMBER.fullmatch(text):
+        return text.replace("_", " ")
+    unit = _UNITS.get(column.rpartition("_")[2]) if "_" in column else None
+    return f"{_figure(text)} {unit}" if unit else f"{heading(column)} {_figure(text)}"
+
+
+def value(row: Row) -> str:
+    """Return the value of a row as HTML, with its interval if this has a width."""
+    low, middle, high = (text_of(row[c]) for c in ("low", "value", "high"))
+    if not middle:
+        return "&#8211;"
+    return middle if low == high or not (low or high) else f"{middle}<small>{low or 'below'} to {high or 'above'}</small>"
+
+
+def why(row: Row) -> str:
+    """Return why the verdict of a row follows from its interval, or why it has none."""
+    if row.get("claim of the paper") and row.get("why"):
+        return str(row["why"])
+    if reason := row.get("reason"):
+        return f"{reason[0].upper()}{reason[1:].rstrip('.')}."
+    word, direction = row["verdict"], row.get("direction")
+    if not word or not direction:
+        return f"The limit is {text_of(row['limit'])}." if word and _text(row.get("limit")) else _text(row.get("why"))
+    if _text(row["value"]) == "":
+        return "There is no value."
+    if not _text(row["low"]) and not _text(row["high"]):
+        return "There are too few samples for an interval."
+    bound, null = text_of(row["bound"]), text_of(row["null"])
+    if direction == "none":
+        low, high = (text_of(float(row["null"] or 0) + sign * float(row["margin"] or 0)) for sign in (-1, 1))
+        whole = dict.fromkeys(("supported", "holds"), "The whole interval is") | {"contradicted": "No part of the interval is"}
+        return f"{whole.get(word, 'Only a part of the interval is')} within {low} to {high}."
+    beyond, short = direction, "above" if direction == "below" else "below"
+    ends = (
+        f"The interval reaches from {bound if direction == 'below' else null} or less to {null if direction == 'below' else bound} or more."
+    )
+    return {
+        "supported": f"The whole interval is {beyond} {bound}.",
+        "holds": f"It is {beyond} the limit {bound}.",
+        "misses": f"It is not wholly {beyond} the limit {bound}.",
+        "direction shown": f"The whole interval is {beyond} {null}, but not {beyond} {bound}.",
+        "contradicted": f"The whole interval is {short} {bound}.",
+    }.get(word, f"The interval contains {bound}." if bound == null else ends)
 
 
 def _cells(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
     names = [c for c in columns(rows) if c != "run_keys"]
-    return names, [[text_of(row.get(c)) for c in names] for row in rows]
+    return names, [[text_of(row.get(c), c) or ("–" if c == "value" else "") for c in names] for row in rows]
 
 
-def text_of(value: Any) -> str:
-    """Format the value of a cell as text: three significant digits for a number, or a dash for a value that could not be computed."""
-    if value is None:
-        return "–"
-    if isinstance(value, float):
-        return f"{value:.3g}".replace("-", "−")
-    return str(value)
+def _numeric(rows: Sequence[Row], column: str) -> bool:
+    return column != "paper" and all(_NUMBER.fullmatch(_text(row.get(column))) for row in rows)
+
+
+def _text(cell: Any) -> str:
+    return "" if cell is None else str(cell)
+
+
+def text_of(cell: Any, column: str = "") -> str:
+    """Format a cell, also one of a written CSV file, as text: a number that is not whole has three significant digits."""
+    text = _text(cell)
+    return text if column == "paper" or not _FLOAT.fullmatch(text) else _figure(text)
+
+
+def _figure(text: str) -> str:
+    number = float(text)
+    return (f"{number:,.0f}" if 1000 <= abs(number) < 1e7 else f"{number:.3g}").replace("-", "−")
 
 
 def slug(verdict: str) -> str:

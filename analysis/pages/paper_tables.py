@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import functools
 import pkgutil
+import re
 from collections.abc import Callable, Iterator, Mapping
 from html import escape
 from operator import attrgetter
@@ -22,12 +23,15 @@ from typing import Any
 import pandas as pd
 
 from analysis.pages.template import ROOT, committed, number
+from analysis.tables import slug
 from experiments.verdicts import PRIMARY
 from radartwin.io import untrusted_yaml
+from radartwin.runs.experiment import VERDICTS
 
 PAGE = ROOT / "docs" / "paper-tables.md"
+_LINK = re.compile(r"\[([^]]*)\]\((#[\w-]+)\)")
 CONTENT = Path(__file__).with_suffix(".yaml")
-LISTED = ("quantity", "paper", "here", "n", "verdict", "same protocol?")
+LISTED = ("quantity", "paper", "here", "verdict", "n", "same protocol?")
 VARIANTS = ("twin", "truth", "layout")  # columns of further rows, which are empty in the rows of the study itself
 KEYS = ("quantity", "paper", "here", "setting", "times", "column", "same", "cells")
 INTRODUCTION = """# The paper's tables
@@ -78,17 +82,20 @@ def markdown(table: pd.DataFrame) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in (table.columns, ["---"] * len(table.columns), *table.to_numpy()))
 
 
-def html(read: Callable[[str], pd.DataFrame]) -> str:
-    """Return the sections as HTML, with the values of the tables of a report."""
-    parts = []
+def html(read: Callable[[str], pd.DataFrame]) -> Iterator[tuple[str, str, str]]:
+    """Yield title, note and HTML table of each section, with the values of the tables of a report and links to their rows."""
     for title, note, table in tables(read, absent="not made"):
-        lines = table.map(lambda cell: escape(cell).replace("&lt;br&gt;", "<br>")).to_html(index=False, border=0, escape=False)
-        parts.append(f'<h3>{escape(title)}</h3>\n<p class="caption">{escape(note)}</p>\n<div class="scroll">{lines}</div>')
-    return "\n".join(parts)
+        yield title, note, table.map(_marked).to_html(index=False, border=0, escape=False)
+
+
+def _marked(cell: str) -> str:
+    """Return a cell as HTML: links, line breaks, and verdicts in their colours."""
+    lines = [_LINK.sub(r'<a href="\2">\1</a>', escape(line)) for line in cell.split("<br>")]
+    return "<br>".join(f'<span class="{slug(line)}">{line}</span>' if line in VERDICTS else line for line in lines)
 
 
 def answer(read: Callable[[str], pd.DataFrame], absent: str, row: Mapping[str, Any]) -> tuple[str, str, str]:
-    """Return our figure with its interval, the number of recordings, and the verdict."""
+    """Return our figure with its interval, the verdict, and the number of recordings. On a page of HTML, the figure is a link to its row."""
     if "here" in row or "setting" in row:
         value = row["here"] if "here" in row else _setting(row["setting"])
         return ", ".join(map(str, value)) if isinstance(value, list) else _short(value, row.get("times", 1)), "", ""
@@ -98,7 +105,10 @@ def answer(read: Callable[[str], pd.DataFrame], absent: str, row: Mapping[str, A
     low, high = result["low"], result["high"]
     level = f" at {100 * float(result['level']):.1f} %" if result.get("family") == PRIMARY else ""
     interval = f" ({number(float(low))} to {number(float(high))}{level})" if low and high and low != high else ""
-    return number(float(result["value"])) + interval, result["n"], result["verdict"] or result.get("reason", "")
+    here = number(float(result["value"])) + interval
+    if absent:
+        here = f"[{here}](#{'headline' if 'claim of the paper' in result else row['table']}-{result.name + 1})"
+    return here, result["verdict"] or result.get("reason", ""), result["n"]
 
 
 def _row(read: Callable[[str], pd.DataFrame], absent: str, row: Mapping[str, Any]) -> Any:
@@ -135,8 +145,8 @@ def _line(read: Callable[[str], pd.DataFrame], absent: str, row: Mapping[str, An
     line = []
     for cell in row["cells"]:
         if isinstance(cell, dict):
-            here, n, verdict = answer(read, absent, {**row, **cell})
-            parts = [f"paper {cell['paper']}" if cell["paper"] != "" else "", f"here {here}", f"n {n}" if n else "", verdict]
+            here, verdict, n = answer(read, absent, {**row, **cell})
+            parts = [f"paper {cell['paper']}" if cell["paper"] != "" else "", f"here {here}", verdict, f"n {n}" if n else ""]
             line.append("<br>".join(filter(None, parts)))
         else:
             line.append(str(cell).format_map(row).replace("_", " "))

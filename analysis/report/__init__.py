@@ -1,11 +1,10 @@
 """Write the report, OUTPUT/report/index.html. A browser can open the report from this folder without an internet connection.
 
-- `content` reads rows, claims and figures of each table, or the reason why a table is absent.
+- `content` reads rows and figures of each table, or the reason why a table is absent.
 - `origin` reads the versions, machine, seeds, run times and MLflow runs behind the report.
-- `rooms` writes pages that show the rooms in three dimensions.
+- `room_pages` writes pages that show the rooms in three dimensions.
 - `markup` fills the template of the report page, which escapes all text that enters the page.
-- `folder` writes the files so that a browser never loads an incomplete report.
-- `page/` holds the HTML template, the style sheet and the scripts.
+- `page/` holds the HTML template, the style sheet and the script.
 """
 
 from __future__ import annotations
@@ -13,31 +12,44 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from analysis.report import markup, origin, publish, room_pages
-from analysis.report.content import FAILED, MISSING, STALE, Section
+from analysis.report import markup, origin, room_pages
+from analysis.report.content import FAILED, LEFT_OUT, MISSING, STALE, Section
+from radartwin.io import files
 
-__all__ = ["FAILED", "MISSING", "STALE", "Section", "path", "write"]
+__all__ = ["FAILED", "LEFT_OUT", "MISSING", "STALE", "Section", "path", "write"]
+PARTS = ("figures", "tables", "rooms")  # subfolders of the report
 
 
 def path(output: Path) -> Path:
     """Return the path of the report's first page, index.html, in the output folder."""
-    return output / "report" / publish.INDEX
+    return output / "report" / "index.html"
 
 
 def write(sections: Sequence[Section], output: Path) -> Path:
     """Write OUTPUT/report from the tables and figures of the output folder, and return the path of its index.html.
 
-    The report folder can be moved elsewhere. Reports of the same tables and figures are equal byte by byte. Files of an earlier report in
-    the folder are removed.
+    The report folder can be moved elsewhere. Reports of the same tables and figures are equal byte by byte. The page is written after the
+    files that it links to, and files of an earlier report are removed last, so that no link is broken at any time.
 
     Raises:
         MissingError: a file of a table is missing or damaged.
         OutputError: the folder cannot be written.
     """
-    with publish.staged(output / "report") as staged:
-        for section in sections:
-            for part, file in section.files():
-                staged.take(file, part)
-        pages = room_pages.write(staged)
-        made_from = origin.of(sections, output)
-        return staged.publish(lambda parts: markup.page(sections, pages, made_from, parts))
+    root = path(output).parent
+    content: dict[str, Path | bytes] = {f"{part}/{file.name}": file for section in sections for part, file in section.files()}
+    rooms = room_pages.drawn()
+    content |= {room.page: room.html for room in rooms} | {room.picture: room.jpeg for room in rooms}
+    text = markup.page(sections, rooms, origin.of(sections, output))
+    for part in PARTS:
+        files.make_folder(root / part)
+        files.sweep(root / part)
+    for link, source in content.items():
+        data = source.read_bytes() if isinstance(source, Path) else source
+        if not (root / link).is_file() or (root / link).read_bytes() != data:
+            files.write_atomically(root / link, data)
+    page = files.write_atomically(path(output), text)
+    for part in PARTS:
+        for file in (root / part).iterdir():
+            if f"{part}/{file.name}" not in content:
+                file.unlink()
+    return page

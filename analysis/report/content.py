@@ -1,4 +1,4 @@
-"""Collect the content of the report for each table: the table's rows, claims and files, or the reason why the table is absent."""
+"""Collect the content of the report for each table: the table's rows and files, or the reason why the table is absent."""
 
 from __future__ import annotations
 
@@ -10,38 +10,20 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from analysis.tables import FORMATS, caption, heading, text_of
+from analysis.tables import FORMATS, caption, to_html
 from radartwin.errors import MissingError
 from radartwin.plotting.style import SUFFIXES
-from radartwin.runs.experiment import JUDGED, LIMITS, SCORE_COLUMNS, VERDICTS, Table
+from radartwin.runs.experiment import LIMITS, SCORE_COLUMNS, VERDICTS, Table
 
-MISSING, STALE, FAILED = "not run", "stale", "failed"
+MISSING, STALE, FAILED, LEFT_OUT = "not run", "stale", "failed", "left out"
 ABSENT = {
     FAILED: "The run ended with an error:",
     STALE: "The run belongs to an earlier source or configuration, so its results are not shown.",
     MISSING: "This table has not been run.",
+    LEFT_OUT: "The profile of this report makes this table on request.",
 }
 LINKED = tuple(suffix for suffix in FORMATS if suffix != "html")  # without HTML, because the page itself contains it
-_CAPTION = re.compile(r"<caption>.*?</caption>\n?", re.DOTALL)
-CASES = 4  # largest number of columns that describe the case of a claim
-_NO_CASE = {"claim", *JUDGED, "reason", "draws", "items", "seed", "run_keys", "title", "note", "machine", *SCORE_COLUMNS}
-
-
-@dataclass(frozen=True)
-class Claim:
-    """A claim that a row of a results table states. `row` is the number of the row, from 1. `case` holds the cells that distinguish this
-    row from the other claims of the table.
-    """
-
-    table: Table
-    row: int
-    text: str
-    case: str
-    cells: dict[str, str]
-
-    @property
-    def verdict(self) -> str:
-        return self.cells["verdict"]
+_SENTENCE = re.compile(r"(?<=[.!?])\s+")
 
 
 @dataclass(frozen=True)
@@ -89,17 +71,15 @@ class Section:
                 yield "figures", self.figure(f"{self.table.name}_page", ".html")
 
     @property
-    def caption(self) -> str:
-        return caption(self.table, self.rows)
+    def caption(self) -> tuple[str, str]:
+        """Return the first two sentences of the caption, and the rest."""
+        sentences = _SENTENCE.split(caption(self.table, self.rows))
+        return " ".join(sentences[:2]), " ".join(sentences[2:])
 
     @property
     def html(self) -> str:
         """Return the results table as an HTML element without its caption, because the page shows the caption above the figures."""
-        path = self.file("html")
-        try:
-            text = _CAPTION.sub("", path.read_text(encoding="utf-8"), count=1)
-        except UnicodeDecodeError as error:
-            raise self._damaged(path) from error
+        text = to_html(self.table, self.rows, captioned=False)
         return text.replace("<table>", f'<table data-tools aria-labelledby="{self.table.name}-title">', 1)
 
     @cached_property
@@ -121,20 +101,9 @@ class Section:
             raise self._damaged(path)
         return rows
 
-    @cached_property
-    def claims(self) -> list[Claim]:
-        """Return a Claim for each table row with a verdict."""
-        claimed = [(n, row) for n, row in enumerate(self.rows, 1) if row["verdict"]]
-        columns = [c for c in (self.rows[0] if self.rows else ()) if c not in _NO_CASE]
-        telling = [c for c in columns if len({row[c] for _, row in claimed}) > 1][:CASES]
-        return [
-            Claim(self.table, n, row.get("claim") or row["metric"], ", ".join(_case(c, row[c]) for c in telling if row[c]), row)
-            for n, row in claimed
-        ]
-
     @property
     def verdicts(self) -> Counter[str]:
-        return Counter(claim.verdict for claim in self.claims)
+        return Counter(row["verdict"] for row in self.rows if row["verdict"])
 
     def _there(self, path: Path) -> Path:
         if not path.is_file():
@@ -143,17 +112,3 @@ class Section:
 
     def _damaged(self, path: Path) -> MissingError:
         return MissingError(f"{path} is missing or damaged; run {self.command} again")
-
-
-def figure(cell: str) -> str:
-    """Format the text of a CSV cell in the same way as the written tables, for instance with three significant digits."""
-    try:
-        return text_of(float(cell)) if cell else text_of(None)
-    except ValueError:
-        return cell
-
-
-def _case(column: str, cell: str) -> str:
-    """Format a cell that describes a claim's case: a word stays as it is, a number follows its column's name ("strength 0.5")."""
-    told = figure(cell)
-    return cell if told == cell and not cell[:1].isdigit() else f"{heading(column)} {told}"

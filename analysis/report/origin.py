@@ -8,8 +8,8 @@ from __future__ import annotations
 import contextlib
 import re
 import sqlite3
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +33,6 @@ class Run:
     seed: int | None = None
     finished: str = ""
     core_seconds: float | None = None  # processor time of the run, including the products that it computed
-    # core-seconds of the products (recordings, scans) that the run uses, by key; another run may have computed them
-    made: dict[str, float] = field(default_factory=dict)
     mlflow: str = ""  # address of the run's page while `radartwin dashboard` runs, or ""
 
 
@@ -51,54 +49,29 @@ class Origin:
         """Return the sum of the processor time over all runs, in core-seconds."""
         return sum(run.core_seconds or 0.0 for run in self.runs)
 
-    @property
-    def made(self) -> dict[str, float]:
-        """Return the core-seconds of the stored results (recordings, scans) of all runs, by store key.
-
-        A stored result that several runs use appears once.
-        """
-        return {key: seconds for run in self.runs for key, seconds in run.made.items()}
-
 
 def of(sections: Sequence[Section], output: Path) -> Origin:
     """Read the origin of a report from the files of the output folder. `sections` are the tables of the report."""
-    present = [section for section in sections if not section.absent]
     pages, why = mlflow_pages(output)
-    runs = [_run(section, output / "cache", pages.get(section.run_key, "")) for section in present]
+    runs = [_run(section, output / "cache", pages.get(section.run_key, "")) for section in sections if not section.absent]
     head, dirty = commit()
     code = f"commit {head[:12]}{' with local changes' if dirty else ''}" if head != "none" else "no repository"
     return Origin([("radartwin", f"{__version__}, {code}"), *machine().items()], runs, why)
 
 
 def _run(section: Section, cache: Path, page: str) -> Run:
-    if not _KEY.fullmatch(section.run_key):
-        return Run(section, mlflow=page)
-    folder = cache / RUN / section.run_key
-    meta, result = read_json(folder / META), read_json(folder / "result.json")
+    meta = read_json(cache / RUN / section.run_key / META) if _KEY.fullmatch(section.run_key) else {}
     spec = meta.get("spec")
     config = spec.get("config") if isinstance(spec, dict) else None
     seed = config.get("seed") if isinstance(config, dict) else None
-    keys = result.get("keys")
+    seconds = meta.get("core_seconds")
     return Run(
         section,
         seed if isinstance(seed, int) else None,
         str(meta.get("finished", "")),
-        _number(meta.get("core_seconds")),
-        _costs(cache, keys if isinstance(keys, list) else []),
+        float(seconds) if isinstance(seconds, int | float) else None,
         page,
     )
-
-
-def _costs(cache: Path, keys: Iterable[Any]) -> dict[str, float]:
-    """Return {store key: core-seconds} of the stored results with these keys; results that the cache no longer holds are left out."""
-    kinds = sorted(folder for folder in cache.iterdir() if folder.is_dir()) if cache.is_dir() else []
-    costs = {}
-    for key in {key for key in keys if isinstance(key, str) and _KEY.fullmatch(key)}:
-        for kind in kinds:
-            seconds = _number(read_json(kind / key / META).get("core_seconds"))
-            if seconds is not None:
-                costs[key] = seconds
-    return costs
 
 
 def mlflow_pages(output: Path) -> tuple[dict[str, str], str]:
@@ -128,7 +101,3 @@ def read_json(path: Path) -> dict[str, Any]:
     except (OSError, ValueError):
         return {}
     return content if isinstance(content, dict) else {}
-
-
-def _number(value: Any) -> float | None:
-    return float(value) if isinstance(value, int | float) else None

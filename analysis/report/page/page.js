@@ -1,33 +1,32 @@
 "use strict";
-// The page works without this script, which adds sorting and filtering of tables.
+// The page works without this script, which sorts and filters tables and shows the row that a link names.
 const make = (name, properties = {}, ...children) => {
-  const one = Object.assign(document.createElement(name), properties);
-  one.append(...children);
-  return one;
+  const element = Object.assign(document.createElement(name), properties);
+  element.append(...children);
+  return element;
 };
 const LONG = 8; // a table with fewer rows has no filter
 
 function sortable(table) {
   const heads = [...table.tHead.rows[0].cells], body = table.tBodies[0], given = [...body.rows];
   const value = (row, k) => {
-    const text = row.cells[k].textContent.trim(), figure = Number.parseFloat(text.replace(/\u2212/g, "-").replace(/(?<=\d),(?=\d{3})/g, ""));
-    return [Number.isNaN(figure), figure, text];
+    const text = row.cells[k].textContent.trim(), number = Number.parseFloat(text.replace(/\u2212/g, "-").replace(/(?<=\d),(?=\d{3})/g, ""));
+    return [Number.isNaN(number), number, text];
   };
   heads.forEach((head, k) => {
     const button = make("button", {type: "button"}, ...head.childNodes);
     head.append(button);
     button.addEventListener("click", () => {
       const next = {none: "ascending", ascending: "descending", descending: "none"}[head.getAttribute("aria-sort") || "none"];
-      heads.forEach(one => one.removeAttribute("aria-sort"));
+      heads.forEach(other => other.removeAttribute("aria-sort"));
       if (next === "none") { body.append(...given); return; }
       head.setAttribute("aria-sort", next);
       const sign = next === "ascending" ? 1 : -1, keys = new Map(given.map(row => [row, value(row, k)]));
-      const order = (a, b) => {
-        const [wordA, figureA, textA] = keys.get(a), [wordB, figureB, textB] = keys.get(b);
+      body.append(...[...given].sort((a, b) => {
+        const [wordA, numberA, textA] = keys.get(a), [wordB, numberB, textB] = keys.get(b);
         if (wordA !== wordB) return wordA ? 1 : -1; // text comes after numbers in both orders
-        return sign * (wordA ? textA.localeCompare(textB) : figureA - figureB);
-      };
-      body.append(...[...given].sort(order));
+        return sign * (wordA ? textA.localeCompare(textB) : numberA - numberB);
+      }));
     });
   });
 }
@@ -43,55 +42,35 @@ function filterable(table) {
     const searched = words.value.toLowerCase().split(/\s+/).filter(Boolean);
     for (const row of rows) {
       const text = searched.length ? row.textContent.toLowerCase() : "";
-      const shown = (!verdict.value || row.classList.contains(verdict.value)) && searched.every(word => text.includes(word));
-      row.classList.toggle("filtered", !shown);
+      row.classList.toggle("filtered", !((!verdict.value || row.classList.contains(verdict.value)) && searched.every(word => text.includes(word))));
     }
     const left = rows.filter(row => !row.classList.contains("filtered")).length;
-    count.textContent = left === rows.length ? `${left} rows` : `${left} of ${rows.length} rows`;
-    table.dispatchEvent(new CustomEvent("filtered", {detail: verdict.value}));
+    count.textContent = left === rows.length ? "" : `${left} of ${rows.length} rows`;
   };
-  const tools = make("div", {className: "tools"}, make("label", {}, "Filter ", words));
+  const tools = make("span", {className: "tools"}, make("label", {}, "Filter ", words));
   if (kinds.length > 1) tools.append(make("label", {}, "Verdict ", verdict));
   tools.append(count);
-  table.closest(".scroll").before(tools);
+  table.closest("section").querySelector(".verdicts").append(tools);
   words.addEventListener("input", apply);
   verdict.addEventListener("change", apply);
   table.addEventListener("choose", event => { verdict.value = event.detail; words.value = ""; apply(); });
-  count.textContent = `${rows.length} rows`;
 }
 
-// A folded table becomes sortable and filterable when it is first unfolded.
-for (const table of document.querySelectorAll("table[data-tools]")) {
-  const folded = table.closest("details:not([open])"), prepare = () => { sortable(table); filterable(table); };
-  if (folded) folded.addEventListener("toggle", prepare, {once: true}); else prepare();
-}
+for (const table of document.querySelectorAll("table[data-tools]")) { sortable(table); filterable(table); }
+for (const link of document.querySelectorAll("a[data-verdict]")) link.addEventListener("click", () =>
+  document.querySelector(`${link.hash} table[data-tools]`).dispatchEvent(new CustomEvent("choose", {detail: link.dataset.verdict})));
 
-// The counts of the summary become buttons that filter the claims.
-for (const cards of document.querySelectorAll("[data-filter]")) {
-  const table = document.getElementById(cards.dataset.filter);
-  const buttons = [...cards.children].map(card => {
-    const button = make("button", {type: "button"}, ...card.childNodes);
-    button.dataset.verdict = card.className;
-    button.setAttribute("aria-pressed", "false");
-    button.addEventListener("click", () => {
-      const on = button.getAttribute("aria-pressed") === "true";
-      table.dispatchEvent(new CustomEvent("choose", {detail: on ? "" : button.dataset.verdict}));
-    });
-    card.append(button);
-    return button;
-  });
-  table.addEventListener("filtered", event => {
-    for (const button of buttons) button.setAttribute("aria-pressed", String(button.dataset.verdict === event.detail));
-  });
-}
-
-// A link to a row unfolds its table and shows the row even if a filter hides it.
+// A link to a row unfolds what hides the row, shows all its columns, and scrolls to it even if a filter hides it.
 function reveal() {
-  const row = location.hash.length > 1 && document.getElementById(decodeURIComponent(location.hash.slice(1)));
-  if (!row) return;
-  row.classList.remove("filtered");
-  const folded = row.closest("details");
-  if (folded && !folded.open) { folded.open = true; row.scrollIntoView(); }
+  const target = location.hash.length > 1 && document.getElementById(decodeURIComponent(location.hash.slice(1)));
+  if (!target) return;
+  for (let folded = target.closest("details"); folded; folded = folded.parentElement.closest("details")) folded.open = true;
+  if (target.matches("section.table tr")) {
+    target.classList.remove("filtered");
+    target.closest("section").querySelector(".columns input").checked = true;
+  }
+  // Sections below a folded part get their heights only after they are drawn, so the page scrolls again then.
+  if (target.matches("tr")) for (const wait of [0, 100, 300]) setTimeout(() => target.scrollIntoView({block: "center"}), wait);
 }
 addEventListener("hashchange", reveal);
 reveal();
@@ -101,8 +80,8 @@ if (matchMedia("(max-width: 68rem)").matches) document.querySelector("#contents 
 let folded = [];
 addEventListener("beforeprint", () => {
   folded = [...document.querySelectorAll("details:not([open])")];
-  for (const one of folded) one.open = true;
+  for (const details of folded) details.open = true;
   for (const picture of document.querySelectorAll("img[loading=lazy]")) picture.loading = "eager";
 });
-addEventListener("afterprint", () => { for (const one of folded) one.open = false; });
+addEventListener("afterprint", () => { for (const details of folded) details.open = false; });
 document.body.dataset.ready = "yes";
