@@ -6,8 +6,10 @@ from __future__ import annotations
 
 import functools
 
-from radartwin.config.compose import compose
+from radartwin.config.compose import conf_dir
+from radartwin.config.study import ExperimentConfig
 from radartwin.errors import ConfigError
+from radartwin.io import untrusted_yaml
 from radartwin.runs.experiment import Table, declared
 
 NAMES = (  # names of the experiments; each has a file conf/experiment/NAME.yaml
@@ -26,7 +28,7 @@ ON_REQUEST = {
     "randomisation_ablation": ("quick",), "sensitivity": ("quick", "paper"),
 }  # fmt: skip
 
-# Printed under every table that is scored against the testbed.
+# Printed under every table file that is scored against the testbed.
 TESTBED_NOTE = (
     "Scored against the testbed, a virtual measurement campaign that deliberately differs from the twin. The table tests the method and "
     "each named gap; it is not a measurement of reality."
@@ -41,7 +43,8 @@ def of_profile(profile: str) -> list[str]:
 @functools.cache
 def table(name: str) -> Table:
     """Return the declaration (title, caption, chart) of a table, read from the table's experiment module."""
-    return declared(compose([f"experiment={name}"]).experiment)
+    declaration = untrusted_yaml.load((conf_dir() / "experiment" / f"{name}.yaml").read_text(encoding="utf-8"))
+    return declared(ExperimentConfig(name=name, module=declaration["experiment"]["module"]))
 
 
 def check(names: list[str]) -> None:

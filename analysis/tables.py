@@ -28,9 +28,9 @@ _FLOAT = re.compile(r"-?\d+\.\d+(e[+-]?\d+)?|-?\d+e[+-]?\d+")
 _NUMBER = re.compile(rf"-?\d+|{_FLOAT.pattern}|")
 CASES, LEVELS = 6, 16  # largest number of columns that describe a case, and of different numbers in one of them
 _NO_CASE = {
-    "claim", "claim of the paper", *JUDGED, "reason", "why", "draws", "items", "seed", "answers", "chance", "seed_sd", "limit", "run_keys",
-    "strength 0.5", "strength 1",
-    "strength 2", "over all strengths", "table", "title", "note", "machine", "source", "sources", "values", "recordings", "scans", "first_only", "second_only", *SCORE_COLUMNS,
+    "claim", "claim of the paper", "why", "reason", *JUDGED, "limit", "draws", "items", "seed", "answers", "chance", "seed_sd", "run_keys",
+    "strength 0.5", "strength 1", "strength 2", "over all strengths", "table", "title", "note", "machine", "source", "sources", "values",
+    "recordings", "scans", "frames timed", "rays", "first_only", "second_only", *SCORE_COLUMNS,
 }  # fmt: skip
 # Non-ASCII characters that captions, claims and metrics may contain, with their LaTeX commands. pdflatex cannot typeset others.
 _SYMBOLS = {
@@ -59,9 +59,7 @@ def columns(rows: Sequence[Row]) -> list[str]:
 
 def caption(table: Table, rows: Sequence[Row]) -> str:
     """Return the declared caption of a table, and for several draws what the values are."""
-    draws = max(
-        (int(float(row.get("draws") or 1)) for row in rows), default=1
-    )  # `draws` is a text if the rows come from a written CSV file
+    draws = max((int(float(row.get("draws") or 1)) for row in rows), default=1)  # a text if the rows come from a CSV file
     drawn = f" Values are means over {draws} draws of the virtual measurements. Figures show the first draw." if draws > 1 else ""
     return table.caption + drawn
 
@@ -132,9 +130,8 @@ def to_html(table: Table, rows: Sequence[Row], captioned: bool = True) -> str:
         body.append(f'<tr id="{table.name}-{number}" class="{tone}">{"".join([*shown, *others])}</tr>')
     same = "; ".join(f"{heading(c)}: {cells[0][names.index(c)]}" for c in names if c in equal - front and cells[0])
     foot = f"<tfoot class=more><tr><td colspan={len(head)}>In every row: {html.escape(same)}</td></tr></tfoot>\n" if same else ""
-    text = (
-        f"<caption><strong>{html.escape(table.title)}.</strong> {html.escape(full_caption(table, rows))}</caption>\n" if captioned else ""
-    )
+    said = f"<strong>{html.escape(table.title)}.</strong> {html.escape(full_caption(table, rows))}"
+    text = f"<caption>{said}</caption>\n" if captioned else ""
     lines = "\n".join(body)
     whole = f"<table>\n{text}<thead><tr>{''.join(head)}</tr></thead>\n<tbody>\n{lines}\n</tbody>\n{foot}</table>\n"
     return whole.encode("ascii", "xmlcharrefreplace").decode()
@@ -195,9 +192,8 @@ def why(row: Row) -> str:
         whole = dict.fromkeys(("supported", "holds"), "The whole interval is") | {"contradicted": "No part of the interval is"}
         return f"{whole.get(word, 'Only a part of the interval is')} within {low} to {high}."
     beyond, short = direction, "above" if direction == "below" else "below"
-    ends = (
-        f"The interval reaches from {bound if direction == 'below' else null} or less to {null if direction == 'below' else bound} or more."
-    )
+    first, last = (bound, null) if direction == "below" else (null, bound)
+    ends = f"The interval reaches from {first} or less to {last} or more."
     return {
         "supported": f"The whole interval is {beyond} {bound}.",
         "holds": f"It is {beyond} the limit {bound}.",

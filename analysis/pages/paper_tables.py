@@ -95,7 +95,7 @@ def _marked(cell: str) -> str:
 
 
 def answer(read: Callable[[str], pd.DataFrame], absent: str, row: Mapping[str, Any]) -> tuple[str, str, str]:
-    """Return our figure with its interval, the verdict, and the number of recordings. On a page of HTML, the figure is a link to its row."""
+    """Return our figure with its interval, the verdict, and the number of recordings. For a page of HTML, the figure is a link."""
     if "here" in row or "setting" in row:
         value = row["here"] if "here" in row else _setting(row["setting"])
         return ", ".join(map(str, value)) if isinstance(value, list) else _short(value, row.get("times", 1)), "", ""
@@ -146,7 +146,7 @@ def _line(read: Callable[[str], pd.DataFrame], absent: str, row: Mapping[str, An
     for cell in row["cells"]:
         if isinstance(cell, dict):
             here, verdict, n = answer(read, absent, {**row, **cell})
-            parts = [f"paper {cell['paper']}" if cell["paper"] != "" else "", f"here {here}", verdict, f"n {n}" if n else ""]
+            parts = [f"paper {cell['paper']}" if cell["paper"] != "" else "", f"here {here}", f"n {n}" if n else "", verdict]
             line.append("<br>".join(filter(None, parts)))
         else:
             line.append(str(cell).format_map(row).replace("_", " "))
@@ -162,9 +162,12 @@ def _short(value: Any, times: float = 1) -> str:
 
 
 def _setting(name: str) -> Any:
+    return pkgutil.resolve_name(name) if ":" in name else attrgetter(name)(_paper_profile())
+
+
+@functools.cache
+def _paper_profile() -> SimpleNamespace:
     from radartwin.config.compose import compose
     from radartwin.radar.chirp import Radar
 
-    if ":" in name:
-        return pkgutil.resolve_name(name)
-    return attrgetter(name)(SimpleNamespace(config=compose(["experiment=turntable_shape", "profile=paper"]), radar=Radar.iwr1843()))
+    return SimpleNamespace(config=compose(["experiment=turntable_shape", "profile=paper"]), radar=Radar.iwr1843())

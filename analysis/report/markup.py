@@ -37,6 +37,10 @@ def page(sections: Sequence[Section], rooms: Sequence[RoomPage], origin: Origin)
     by_name = {section.table.name: section for section in sections}
     script = (FOLDER / "page.js").read_text(encoding="utf-8")
     present = [section for section in sections if not section.absent]
+
+    def read(name: str) -> pd.DataFrame:
+        return pd.DataFrame(by_name[name].rows if name in by_name else [])
+
     return environment.get_template("page.html").render(
         **helpers,
         script=script,
@@ -56,12 +60,7 @@ def page(sections: Sequence[Section], rooms: Sequence[RoomPage], origin: Origin)
         linked=LINKED,
         short=SHORT,
         testbed=any("testbed" in row["domain"] for section in sections for row in section.rows),
-        paper=[
-            (title, note, table, title.startswith(SHOWN))
-            for title, note, table in paper_tables.html(
-                lambda name: pd.DataFrame(by_name[name].rows) if name in by_name else pd.DataFrame()
-            )
-        ],
+        paper=[(*section, section[0].startswith(SHOWN)) for section in paper_tables.html(read)],
         rooms=rooms,
         origin=origin,
     )
@@ -79,16 +78,13 @@ def answer(headline: Sequence[Mapping[str, str]]) -> str:
     counts = Counter(row["verdict"] or NO_VERDICT for row in headline)
     told = [f"{counts[word]} {word}" for word in (*VERDICTS, NO_VERDICT) if counts[word]]
     told[0] = told[0].replace(" ", " are ", 1)
-    first, second = labels["verdict"] or NO_VERDICT, room["verdict"] or NO_VERDICT
-    parts = (
-        f"labelled materials or the room help is {first}"
-        if first == second
-        else f"labelled materials help is {first}, and the room {second}"
-    )
+    helps = {words: row["verdict"] or NO_VERDICT for words, row in (("the labelled materials help", labels), ("the room helps", room))}
+    doubts = [f"that {' and '.join(w for w in helps if helps[w] == word)} is {word}" for word in dict.fromkeys(helps.values())]
     return (
         f"Without real labels, the model recognises objects on drives with an accuracy of {interval(known)}, where chance is "
-        f"{number(known['null'])} and the paper has {known['paper'].replace('+-', '±')}; whether it knows more than chance is {known['verdict'] or NO_VERDICT}. "
-        f"Of the {len(headline)} main claims of the paper, {', '.join(told[:-1])} and {told[-1]}; whether {parts}."
+        f"{number(known['null'])} and the paper has {known['paper'].replace('+-', '±')}; that it knows more than chance is "
+        f"{known['verdict'] or NO_VERDICT}. Of the {len(headline)} main claims of the paper, {', '.join(told[:-1])} and {told[-1]}; "
+        f"{', and '.join(doubts)}."
     )
 
 

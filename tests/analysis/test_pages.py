@@ -77,13 +77,19 @@ def test_a_primary_claim_has_the_verdict_of_the_headline():
         "",
         {"table": "environment", "metric": "energy share beyond the target", "case": "measured (testbed)", "distance_m": 2.0},
     )
-    assert answer == ("0.25 (0.11 to 0.45 at 99.4 %)", "10", "contradicted")
+    assert answer == ("0.25 (0.11 to 0.45 at 99.4 %)", "contradicted", "10")
 
 
 def test_a_report_without_a_table_says_so():
-    page = paper_tables.html(lambda name: paper_tables.committed(name).iloc[:0])
+    page = "".join(table for _, _, table in paper_tables.html(lambda name: paper_tables.committed(name).iloc[:0]))
     assert page.count("not made") > 200
     assert "<script" not in page
+
+
+def test_our_figures_in_a_report_are_links_to_their_rows():
+    table = next(table for title, _, table in paper_tables.html(paper_tables.committed) if title.startswith("Table 3"))
+    (number,) = set(re.findall(r'<a href="#headline-(\d+)">0.39 \(0.01 to 0.74 at 98.8 %\)</a>', table))
+    assert paper_tables.committed("headline").iloc[int(number) - 1]["table"] == "rover_recognition"
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/findings.md"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import csv
 import hashlib
 import json
 import re
@@ -18,7 +19,8 @@ import pytest
 import reported
 
 from analysis import main, registry
-from analysis.report import origin, publish
+from analysis.pages.template import ROOT, interval, number
+from analysis.report import markup, origin
 from analysis.report.content import Section
 from experiments.positioning import positioning
 from experiments.turntable import linear_rail
@@ -93,7 +95,7 @@ def test_page_is_well_formed_and_links_work_in_a_moved_folder(written: Path, rea
 
 
 def test_every_table_is_present_or_named_missing_stale_or_failed(read: Read) -> None:
-    for name in registry.NAMES:
+    for name in registry.of_profile("quick"):
         assert registry.table(name).title in read.said[name]
     assert "stale" in read.said["stability"]
     assert "radartwin tables --profile paper --only stability" in read.said["stability"]
@@ -101,25 +103,54 @@ def test_every_table_is_present_or_named_missing_stale_or_failed(read: Read) -> 
     assert "failed" in read.said["positioning"]
     assert "RuntimeError: a cell" in read.said["positioning"]
     assert "not run" in read.said["validation"]
-    summary = read.said["summary"]
-    assert "failed: Capabilities of RadarTwin and other systems (RuntimeError" in summary
-    assert "stale: Where methods fail" in summary
-    assert "not run: Comparison with real measurements, Checks of the tracer" in summary
+    index = read.said["tables"]
+    assert "failed: Capabilities of RadarTwin and other systems (RuntimeError" in index
+    assert "stale: Where methods fail" in index
+    assert "not run: Comparison with real measurements, Checks of the tracer" in " ".join(index.split())
 
 
-def test_summary_counts_claims_and_links_each_to_its_row(read: Read) -> None:
+def test_tables_that_the_profile_leaves_out_are_no_warning(read: Read) -> None:
+    left_out = set(registry.NAMES) - set(registry.of_profile("quick"))
+    assert left_out <= set(read.ids)
+    warned = read.said["tables"].partition("not run:")[2].partition("table")[0]
+    for name in left_out:
+        assert name not in read.said, "it has no section"
+        assert registry.table(name).title not in warned
+        assert f"radartwin tables --profile quick --only {name}" in read.said["tables"]
+
+
+def test_index_counts_verdicts_by_table(read: Read) -> None:
     rows = reported.rows()
-    claimed, total = [(n, row) for n, row in enumerate(rows, 1) if row["claim"]], len(rows) + len(reported.methods()) + 1
-    assert f"3 of {len(registry.NAMES)} tables are here. Of their {total} rows {len(claimed)} state a claim." in read.said["summary"]
-    count = Counter(row["verdict"] for _, row in claimed)
+    total = len(rows) + len(reported.methods()) + 1
+    assert f"3 tables are here. Of their {total} rows {sum(bool(row['verdict']) for row in rows)} state a claim" in read.said["tables"]
+    count = Counter(row["verdict"] for row in rows)
     words = ("supported", "contradicted", "not testable here")
-    assert "".join(f"{count[word]} {word}" for word in words) in read.said["summary"]
-    assert {link for link in read.links if re.fullmatch(r"#environment-\d+", link)} == {f"#environment-{n}" for n, _ in claimed}
+    assert f"{len(rows)} rows: " + ", ".join(f"{count[word]} {word}" for word in words) in read.said["environment"]
 
 
-def test_case_of_a_claim_names_its_distinguishing_columns(written: Path) -> None:
-    claims = Section(registry.table("environment"), written, "quick", reported.KEY).claims
-    assert [claim.case for claim in claims[:2]] == ["lab, strength 0.5", "lab, strength 2"]
+def test_page_says_once_what_the_testbed_is_and_shows_two_sentences_of_a_caption(written: Path, read: Read) -> None:
+    text = (written / "report" / "index.html").read_text(encoding="utf-8")
+    assert text.count("the testbed is not reality") == 1
+    assert registry.TESTBED_NOTE not in text
+    short, rest = Section(registry.table("environment"), written, "quick", reported.KEY).caption
+    assert (short.count("."), f"{short} {rest}") == (2, registry.table("environment").caption)
+    assert short in text
+    assert rest in read.said["environment"]
+
+
+def test_answer_follows_from_the_headline() -> None:
+    with (ROOT / "docs" / "results" / "headline.csv").open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    text = markup.answer(rows)
+    known = next(row for row in rows if row["table"] == "rover_recognition")
+    assert len(re.split(r"(?<=[a-z])\. ", text)) == 2, "it has two sentences"
+    assert f"accuracy of {interval(known)}, where chance is {number(known['null'])}" in text
+    assert f"that it knows more than chance is {known['verdict']}." in text
+    for verdict, count in Counter(row["verdict"] for row in rows).items():
+        assert re.search(rf"\b{count} (are )?{verdict or markup.NO_VERDICT}", text)
+    changed = [{**row, "verdict": "supported"} if row["claim of the paper"].startswith("labelled") else row for row in rows]
+    assert "that the labelled materials help is supported, and that the room helps is not testable here." in markup.answer(changed)
+    assert markup.answer([row for row in rows if row["table"] != "reconstruction_ablation"]) == ""
 
 
 def test_hostile_text_is_escaped(written: Path, read: Read) -> None:
@@ -127,7 +158,7 @@ def test_hostile_text_is_escaped(written: Path, read: Read) -> None:
     assert read.tags["script"] == 1
     assert "<img src=x" not in text
     assert text.count("{{") == text.count("{{script}}"), "a part of the template was left unfilled"
-    assert read.said["environment"].count(reported.HOSTILE) == 4  # room, claim, metric, paper
+    assert read.said["environment"].count(reported.HOSTILE) == 6  # room, claim, metric, paper, and the two that describe the case
     assert reported.HOSTILE in read.said["positioning"]
 
 
@@ -144,23 +175,15 @@ def test_second_report_has_equal_bytes_and_removes_leftovers(written: Path, tmp_
     def files() -> dict[str, bytes]:
         return {path.relative_to(output).as_posix(): path.read_bytes() for path in (output / "report").rglob("*") if path.is_file()}
 
-    first, parts = files(), _parts(output)
-    (output / "report" / "parts-0123456789ab" / "figures").mkdir(parents=True)  # left by a process that was killed at its end
-    (output / "report" / publish.STAGE / "figures").mkdir(parents=True)  # left by a process that was killed earlier
+    first = files()
+    (output / "report" / "figures" / "old.png").write_bytes(b"of an earlier report")
     (output / "report" / "notes.txt").write_text("the user's own")
-    (parts / "figures" / "environment_curve.png").write_bytes(b"touched")
+    (output / "report" / "figures" / "environment_curve.png").write_bytes(b"touched")
     reported.report(output)
     assert files() == {**first, "report/notes.txt": b"the user's own"}
-    assert sorted(path.name for path in (output / "report").iterdir()) == sorted(["index.html", "notes.txt", parts.name])
     main.write(registry.table("environment"), Result("environment", reported.rows(), {}, run_key=reported.KEY), "quick", output)
     reported.report(output)
-    assert _parts(output) != parts
     assert not any("environment_" in name for name in files() if "/figures/" in name)
-
-
-def _parts(output: Path) -> Path:
-    (parts,) = (output / "report").glob("parts-*")
-    return parts
 
 
 def test_missing_figure_is_named_and_the_old_report_stays(written: Path, tmp_path: Path) -> None:
@@ -183,31 +206,22 @@ def test_damaged_csv_is_named(written: Path, tmp_path: Path, text: str | bytes |
         reported.report(output)
 
 
-def test_run_times_and_seed_come_from_the_cache_and_products_count_once(tmp_path: Path) -> None:
-    def product(kind: str, key: str, **meta: Any) -> None:
-        path = tmp_path / "cache" / kind / key
+def test_run_times_and_seed_come_from_the_cache(tmp_path: Path) -> None:
+    for name, key in (("environment", reported.KEY), ("scan", reported.OLD_KEY)):
+        path = tmp_path / "cache" / "run" / key
         path.mkdir(parents=True)
-        (path / "meta.json").write_text(json.dumps(meta))
-
-    shared, private = "c" * 32, "d" * 32
-    product("recording", shared, core_seconds=100.0)
-    product("scan", private, core_seconds=11.0)
-    for name, key, keys in (("environment", reported.KEY, [shared]), ("scan", reported.OLD_KEY, [shared, private, "../../x", 5])):
-        product("run", key, core_seconds=2.0, spec={"config": {"seed": 7}}, finished=f"of {name}", radartwin="0.1.0")
-        (tmp_path / "cache" / "run" / key / "result.json").write_text(json.dumps({"keys": keys}))
+        (path / "meta.json").write_text(json.dumps({"core_seconds": 2.0, "spec": {"config": {"seed": 7}}, "finished": f"of {name}"}))
     sections = [
         Section(registry.table(name), tmp_path, "quick", key) for name, key in (("environment", reported.KEY), ("scan", reported.OLD_KEY))
     ]
     origins = origin.of(sections, tmp_path)
-    assert [run.seed for run in origins.runs] == [7, 7]
-    assert origins.runs[1].made == {shared: 100.0, private: 11.0}
+    assert [(run.seed, run.finished) for run in origins.runs] == [(7, "of environment"), (7, "of scan")]
     assert origins.core_seconds == 2 + 2
-    assert origins.made == {shared: 100.0, private: 11.0}
     assert "no mlflow.db" in origins.tracking
     (tmp_path / "mlflow.db").write_bytes(b"not a database, but long enough to be read as one" * 100)
     assert "cannot be read" in origin.of(sections, tmp_path).tracking
     (cleared,) = origin.of([Section(registry.table("environment"), tmp_path, "quick", "../../etc")], tmp_path).runs
-    assert (cleared.seed, cleared.core_seconds, cleared.made, cleared.mlflow) == (None, None, {}, "")
+    assert (cleared.seed, cleared.core_seconds, cleared.mlflow) == (None, None, "")
 
 
 def test_failed_run_loses_only_its_own_table(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from analysis import main, registry, table_runs, tables
+from experiments import verdicts
 from radartwin.config.study import TrackingConfig
 from radartwin.errors import ConfigError, InputError, MissingError
 from radartwin.runs.experiment import Result, Table, check_rows
@@ -43,6 +45,49 @@ def test_markdown_lines_have_one_cell_per_column_and_a_dash_for_an_absent_value(
     assert len(lines) == 4
     assert {line.replace("\\|", "").count("|") for line in lines} == {len(SCORE) + 2}
     assert "| – |" in lines[-1]
+
+
+def test_html_begins_with_claim_verdict_value_paper_and_why_and_folds_other_columns() -> None:
+    judged = row(claim="rooms & halls help", bound=0.1, null=0.0, direction="above", distance_m=2.5, seed=0)
+    text = tables.to_html(
+        TABLE, [judged, {**judged, "claim": "", "verdict": "", "direction": "", "distance_m": 3.0, "paper": "0.1 +- 0.2"}]
+    )
+    cells = re.findall(r"<t[hd]\b([^>]*)>(.*?)</t[hd]>", text)
+    shown = [content for kind, content in cells if "more" not in kind and "colspan" not in kind]
+    assert shown == [
+        "claim", "verdict", "value", "paper", "why",
+        "rooms &amp; halls help<small>r | z, 2.5 m</small>", "supported", "0.333<small>0.25 to 0.5</small>", "-0.24 to +0.42",
+        "The whole interval is above 0.1.",
+        "r | z<small>3 m</small>", "", "0.333<small>0.25 to 0.5</small>", "0.1 &#177; 0.2", "",
+    ]  # fmt: skip
+    assert "In every row: bound: 0.1; null: 0; seed: 0; n: 3; domain: testbed" in text
+    assert text.isascii()
+
+
+@pytest.mark.parametrize(("word", "changes", "expected"), [
+    ("supported", {"direction": "above", "bound": 0.2, "null": 0.0}, "The whole interval is above 0.2."),
+    ("direction shown", {"direction": "above", "bound": 0.3, "null": 0.0}, "The whole interval is above 0, but not above 0.3."),
+    ("contradicted", {"direction": "above", "bound": 0.6, "null": 0.6}, "The whole interval is below 0.6."),
+    ("contradicted", {"direction": "below", "bound": 0.1, "null": 0.1}, "The whole interval is above 0.1."),
+    ("undecided", {"direction": "above", "bound": 0.4, "null": 0.4}, "The interval contains 0.4."),
+    ("undecided", {"direction": "above", "bound": 0.4, "null": 0.3}, "The interval reaches from 0.3 or less to 0.4 or more."),
+    ("undecided", {"direction": "below", "bound": 0.3, "null": 0.4}, "The interval reaches from 0.3 or less to 0.4 or more."),
+    ("undecided", {"direction": "none", "null": 0.0, "margin": 0.3}, "Only a part of the interval is within −0.3 to 0.3."),
+    ("supported", {"direction": "none", "null": 0.5, "margin": 0.3}, "The whole interval is within 0.2 to 0.8."),
+    ("contradicted", {"direction": "none", "null": 0.0, "margin": 0.1}, "No part of the interval is within −0.1 to 0.1."),
+    ("undecided", {"direction": "above", "bound": 0.0, "value": None}, "There is no value."),
+    ("undecided", {"direction": "above", "bound": 0.0, "low": None, "high": None}, "There are too few samples for an interval."),
+    ("not testable here", {"direction": "above", "bound": 0.0, "reason": "no clutter"}, "No clutter."),
+    ("misses", {"direction": "below", "bound": 0.1}, "It is not wholly below the limit 0.1."),
+    ("holds", {"limit": "<= 1"}, "The limit is <= 1."),
+    ("", {}, ""),
+])  # fmt: skip
+def test_why_names_the_bound_that_decides(word: str, changes: dict[str, Any], expected: str) -> None:
+    given = {"null": None, "margin": None, "bound": None, **changes}
+    assert tables.why(row(verdict=word, **given)) == expected
+    if given.get("direction") and word not in ("misses", "not testable here"):
+        numbers = {name: row(**given)[name] for name in ("value", "low", "high", "bound", "direction", "null", "margin")}
+        assert verdicts.judge(**numbers) == word, "the example has this verdict"
 
 
 def test_latex_escapes_its_special_characters_and_has_commands_for_symbols() -> None:
@@ -91,8 +136,8 @@ def test_row_without_a_score_column_is_refused() -> None:
 
 
 def test_caption_notes_a_testbed_score_and_the_draws_of_new_rows_and_of_rows_read_from_csv() -> None:
-    assert "not a measurement of reality" in tables.caption(TABLE, [row()])
-    assert tables.caption(TABLE, [row(domain="recordings")]) == TABLE.caption
+    assert "not a measurement of reality" in tables.full_caption(TABLE, [row()])
+    assert tables.full_caption(TABLE, [row(domain="recordings")]) == tables.caption(TABLE, [row()]) == TABLE.caption
     for draws in (3, "3"):
         assert "means over 3 draws" in tables.caption(TABLE, [row(draws=draws), row(draws="")])
 

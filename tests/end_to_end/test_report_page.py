@@ -39,7 +39,7 @@ def opened(chromium: Callable[[], browser.Page], index: Path) -> Iterator[browse
 
 
 def shown(page: browser.Page, table: str) -> list[str]:
-    return page.run(f"[...document.querySelectorAll('{table} tbody tr')].filter(r => r.checkVisibility()).map(r => r.cells[0].textContent)")
+    return page.run(f"[...document.querySelectorAll('{table} tbody tr')].filter(r => r.checkVisibility()).map(r => r.cells[1].textContent)")
 
 
 def until_seen(page: browser.Page, there: Callable[[np.ndarray], bool]) -> None:
@@ -66,8 +66,6 @@ def test_page_fits_the_window_and_loads_frames_only_when_visible(opened: browser
 
 def test_tab_reaches_every_control(opened: browser.Page) -> None:
     opened.run("document.querySelectorAll('details:not(.here)').forEach(one => { one.open = true; })")
-    # the buttons of a table appear when the table is unfolded
-    opened.until("document.querySelectorAll('#environment .tools').length === 1")
     # the elements of the page rest once its height does not change for a second
     opened.run("window.tall = [0, 0]")
     opened.until(
@@ -97,7 +95,7 @@ def test_tab_reaches_every_control(opened: browser.Page) -> None:
     opened.run("document.querySelector('.skip').focus()")
     opened.press("Enter", 13)
     opened.call("Input.dispatchKeyEvent", type="char", text="\r")
-    opened.until("location.hash === '#summary'")
+    opened.until("location.hash === '#answer'")
     unnamed = opened.run(
         "[...document.querySelectorAll('button, input, select, iframe, img')].filter(one => !(one.textContent.trim() || one.title "
         "|| one.alt || one.labels?.length || one.getAttribute('aria-label'))).map(one => one.outerHTML)"
@@ -105,35 +103,59 @@ def test_tab_reaches_every_control(opened: browser.Page) -> None:
     assert unnamed == []
 
 
-def test_claims_are_filtered_by_verdict_and_words_and_sorted_by_a_column(opened: browser.Page) -> None:
-    every = shown(opened, "#claims")
-    assert {"supported", "contradicted", "not testable here"} == set(every)
-    opened.click(".cards .contradicted")
-    assert set(shown(opened, "#claims")) == {"contradicted"}
-    assert opened.run("document.querySelector('.cards .contradicted button').getAttribute('aria-pressed')") == "true"
-    count = opened.run("document.querySelector('#summary .tools output').textContent")
+def test_rows_are_filtered_by_verdict_and_words_and_sorted_by_a_column(opened: browser.Page) -> None:
+    every = shown(opened, "#environment")
+    assert {"supported", "contradicted", "not testable here", ""} == set(every)
+    opened.run("document.querySelector('.counts a[href=\"#environment\"].contradicted').click()")
+    assert opened.run("location.hash") == "#environment"
+    assert set(shown(opened, "#environment")) == {"contradicted"}
+    count = opened.run("document.querySelector('#environment .tools output').textContent")
     assert count == f"{every.count('contradicted')} of {len(every)} rows"
-    opened.click(".cards .contradicted")
-    assert shown(opened, "#claims") == every
-    opened.run("document.querySelector('#summary .tools input').focus()")
+    opened.run("document.querySelector('#environment select').value = ''")
+    opened.run("document.querySelector('#environment .tools input').focus()")
     opened.call("Input.insertText", text="strength 17")
-    assert len(shown(opened, "#claims")) == 1
-    opened.run("document.querySelector('#summary .tools input').value = ''")
-    opened.run("document.querySelector('#summary .tools input').dispatchEvent(new Event('input'))")
-    opened.run("document.querySelector('#claims th:nth-child(4) button').focus()")
+    assert len(shown(opened, "#environment")) == 1
+    opened.run("document.querySelector('#environment .tools input').value = ''")
+    opened.run("document.querySelector('#environment .tools input').dispatchEvent(new Event('input'))")
+    assert shown(opened, "#environment") == every
+    value = "#environment th:nth-child(3)"
+    opened.run(f"document.querySelector('{value} button').focus()")
     opened.press(" ", 32)
-    opened.until("document.querySelector('#claims th:nth-child(4)').getAttribute('aria-sort') === 'ascending'")
-    values = opened.run("[...document.querySelectorAll('#claims tbody tr')].map(r => parseFloat(r.cells[3].textContent))")
+    opened.until(f"document.querySelector('{value}').getAttribute('aria-sort') === 'ascending'")
+    values = opened.run("[...document.querySelectorAll('#environment tbody tr')].map(r => parseFloat(r.cells[2].textContent))")
     figures = [value for value in values if value is not None]
     assert figures == sorted(figures)
     assert values[-1] is None, "what has no figure comes last"
 
 
-def test_link_to_a_row_unfolds_its_table(opened: browser.Page) -> None:
-    assert opened.run("document.querySelector('#environment details').open") is False
-    opened.run("document.querySelector('a[href=\"#environment-20\"]').click()")
-    opened.until("document.getElementById('environment-20').checkVisibility()")
-    opened.until("(b => b.top >= 0 && b.bottom <= innerHeight)(document.getElementById('environment-20').getBoundingClientRect())")
+def test_link_to_a_row_scrolls_to_it_highlights_it_and_shows_all_its_columns(opened: browser.Page, index: Path) -> None:
+    row = "document.getElementById('environment-20')"
+    inside = f"(b => b.top >= 0 && b.bottom <= innerHeight)({row}.getBoundingClientRect())"
+    assert not opened.run(f"{row}.querySelector('.more').checkVisibility()")
+    opened.run("document.querySelector('#environment .tools input').value = 'nothing'")
+    opened.run("document.querySelector('#environment .tools input').dispatchEvent(new Event('input'))")
+    assert not opened.run(f"{row}.checkVisibility()")
+    opened.run("location.hash = '#environment-20'")
+    opened.until(f"{row}.checkVisibility() && {row}.querySelector('.more').checkVisibility() && {inside}")
+    assert opened.run(
+        f"getComputedStyle({row}.cells[1]).backgroundColor !== getComputedStyle({row}.previousElementSibling).backgroundColor"
+    )
+    opened.run("document.querySelector('#environment .scroll').scrollLeft = 1e4")
+    opened.until("document.querySelector('#environment .scroll').scrollLeft > 0")
+    edge = "document.querySelector('#environment .scroll').getBoundingClientRect().left"
+    assert opened.run(f"Math.abs({row}.cells[0].getBoundingClientRect().left - {edge}) < 2"), "the first column stays"
+
+
+@pytest.mark.parametrize("width", [1400, 390])
+def test_verdict_and_value_are_visible_without_sideways_scrolling(opened: browser.Page, index: Path, width: int) -> None:
+    opened.open(index, width)
+    hidden = opened.run(
+        "[...document.querySelectorAll('table[data-tools]')].filter(t => {"
+        " const box = t.closest('.scroll'), edge = box.getBoundingClientRect().left + box.clientWidth + 1;"
+        " return [...t.tBodies[0].rows].some(r => r.cells[2].getBoundingClientRect().right > edge"
+        " || [0, 1, 2].some(k => r.cells[k].scrollWidth > r.cells[k].clientWidth + 1)); }).map(t => t.closest('section').id)"
+    )
+    assert hidden == []
 
 
 def room_drawn(picture: np.ndarray) -> bool:
@@ -163,7 +185,7 @@ def test_room_and_chart_open_in_place(opened: browser.Page, part: str, drawn: Ca
 
 
 def test_print_unfolds_everything(opened: browser.Page) -> None:
-    opened.click(".cards .contradicted")
+    opened.run("document.querySelector('.counts a.contradicted').click()")
     opened.run(
         """addEventListener("beforeprint", () => { window.atPrint = {
           folded: document.querySelectorAll("details:not([open])").length,
@@ -182,9 +204,11 @@ def test_page_works_without_script(chromium: Callable[[], browser.Page], index: 
     page = chromium()
     page.call("Emulation.setScriptExecutionDisabled", value=True)
     page.call("Page.navigate", url=index.resolve().as_uri())
-    page.until("document.readyState === 'complete' && document.querySelectorAll('#claims tbody tr').length > 0")
+    page.until("document.readyState === 'complete' && document.querySelectorAll('#environment tbody tr').length > 0")
     assert page.run("document.body.dataset.ready === undefined")
-    assert len(shown(page, "#claims")) == sum(bool(row["claim"]) for row in reported.rows())
+    assert len(shown(page, "#environment")) == len(reported.rows())
+    page.run("document.querySelector('#environment .columns input').click()")
+    assert page.run("document.querySelector('#environment td.more').checkVisibility()"), "all columns unfold without a script"
     assert page.run("document.querySelectorAll('button, .tools').length") == 0
     assert page.run("[...document.querySelectorAll('iframe')].every(one => !one.checkVisibility())")
     assert page.run("[...document.querySelectorAll('#gallery figure img')].every(one => one.checkVisibility())")
