@@ -26,7 +26,7 @@ _UNITS = {"m": "m", "m2": "m²", "mm": "mm", "db": "dB", "deg": "deg", "hz": "Hz
 _WIDE = 6  # largest number of columns that fits into one column of a page
 _FLOAT = re.compile(r"-?\d+\.\d+(e[+-]?\d+)?|-?\d+e[+-]?\d+")
 _NUMBER = re.compile(rf"-?\d+|{_FLOAT.pattern}|")
-CASES, LEVELS = 6, 16  # largest number of columns that describe a case, and of different numbers in one of them
+CASES, LEVELS = 6, 24  # largest number of columns that describe a case, and of different numbers in one of them
 _NO_CASE = {
     "claim", "claim of the paper", "why", "reason", *JUDGED, "limit", "draws", "items", "seed", "answers", "chance", "seed_sd", "run_keys",
     "strength 0.5", "strength 1", "strength 2", "over all strengths", "table", "title", "note", "machine", "source", "sources", "values",

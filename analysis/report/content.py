@@ -23,6 +23,7 @@ ABSENT = {
     LEFT_OUT: "The profile of this report makes this table on request.",
 }
 LINKED = tuple(suffix for suffix in FORMATS if suffix != "html")  # without HTML, because the page itself contains it
+SCALE = 0.72  # CSS pixels of the page per pixel of a figure, so that a figure of the page's width fits
 _SENTENCE = re.compile(r"(?<=[.!?])\s+")
 
 
@@ -51,14 +52,16 @@ class Section:
         """Return the path of the file of one figure of the report. Raises MissingError if this file does not exist."""
         return self._there(self.output / "figures" / f"{name}{suffix}")
 
-    def pixels(self, name: str) -> tuple[int, int]:
-        """Return width and height of a figure's picture in pixels. Raises MissingError if the file is not a picture."""
+    def css_pixels(self, name: str) -> tuple[int, int]:
+        """Return width and height of a figure on the page, where all figures have one text size. Raises MissingError if the file is not
+        a picture.
+        """
         from PIL import Image
 
         path = self.figure(name)
         try:
             with Image.open(path) as picture:
-                return picture.size
+                return round(SCALE * picture.width), round(SCALE * picture.height)
         except OSError as error:
             raise self._damaged(path) from error
 

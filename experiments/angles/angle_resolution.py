@@ -171,7 +171,7 @@ def drawing(curves: dict, recording: Any, true_rad: np.ndarray) -> Figure:
                     SEPARATIONS, [e.low for e in estimates], [e.high for e in estimates], color=PALETTE[number], alpha=0.12, lw=0
                 )
         panel.set(title=f"{antennas} antennas", xlabel="separation (Rayleigh widths)", ylabel=PROBABILITY, ylim=(-0.02, 1.02))
-    axes[0].legend(fontsize=5)
+    axes[0].legend()
     profiles, range_m = range_fft(recording.iq, RADAR)
     snapshots = profiles[..., np.argmin(np.abs(range_m - 2.0))].mean(axis=1)  # mean over chirps, because the spheres are at rest
     grid = np.radians(np.arange(-30, 30.1, 0.1))

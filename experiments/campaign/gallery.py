@@ -219,7 +219,7 @@ def draw(views: dict[str, View], title: str, domain: str) -> Figure:
         panels[1, column].set_xlabel(label)
         bar = drawing.colorbar(panels[0, column].images[0], ax=panels[:, column], location="bottom", pad=0.02, shrink=0.9)
         bar.set_label("received / transmitted power (dB)")
-    drawing.suptitle(title, fontsize=9)
+    drawing.suptitle(title)
     return drawing
 
 

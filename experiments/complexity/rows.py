@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -30,7 +31,7 @@ AUTO, FIXED, SHIPPED = "auto", "fixed", "shipped"
 SAVED = "cost of the fixed default over auto's"
 NEEDED = "parts of the room that are needed (0 none, 1 large, 2 whole)"
 HEADS = {
-    "parts": "room", "max_bounces": "bounces", "rays_per_wavelength2": "tubes\nper λ²", "coupling": "paths over\nthe room",
+    "parts": "room", "max_bounces": "bounces", "rays_per_wavelength2": "tubes\nper λ²", "coupling": "paths\nover the\nroom",
     "elements": "elements", "diffuse": "diffuse\nscatter",
 }  # fmt: skip
 TICKS = [factor * 10.0**power for power in range(-3, 3) for factor in (1, 3)]
@@ -145,10 +146,10 @@ def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:
             words = WORDS[value] if isinstance(value, bool) else f"{value:g}" if isinstance(value, (int, float)) else str(value)
             if name == "coupling" and case["parts"] == "none":
                 words = "–"
-            table.text(x, y, words, ha="center", va="center", fontsize=7)
-    table.set_xticks(range(len(HEADS)), HEADS.values(), fontsize=6.5)
+            table.text(x, y, words, ha="center", va="center")
+    table.set_xticks(range(len(HEADS)), HEADS.values())
     table.xaxis.tick_top()
-    table.set_yticks(range(len(cases)), [f"{case['case']}: {case['features']}" for case in cases], fontsize=6.5)
+    table.set_yticks(range(len(cases)), [f"{_words(case['case'])}: {case['features']}" for case in cases])
     table.tick_params(length=0)
     auto, shipped = ([case[f"{who} (s/frame)"] / case["fixed (s/frame)"] for case in cases] for who in ("auto", "shipped"))
     bars.barh(range(len(cases)), auto, color=PALETTE[0], height=0.6, label="auto")
@@ -160,8 +161,13 @@ def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:
     bars.set_xlim(low, high)
     bars.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     bars.minorticks_off()
-    bars.legend(loc="lower right", bbox_to_anchor=(1, 1), fontsize=6.5, ncols=2)
+    bars.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
     return drawing
+
+
+def _words(case: str) -> str:
+    """Return the name of a case in words ("lab, turntable, mug, 2 m")."""
+    return re.sub(r"(?<=\d)m$", " m", case.replace("-", ", ").replace("_", " "))
 
 
 def _level(row: Mapping[str, Any], name: str) -> float:

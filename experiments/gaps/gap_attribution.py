@@ -218,8 +218,9 @@ def chart(rows: Sequence[Mapping[str, Any]], groups: Sequence[str]) -> Figure:
             value, errors = error_bars(known[gap, metric] for gap in groups)
             panel.barh(place + shift, value, 0.25, color=colour, label=metric, xerr=errors, error_kw={"lw": 0.8, "ecolor": "0.3"})
         none, everything = (known[gap, "loss"]["value"] for gap in ("none", "all"))
-        panel.set_title(score)
-        panel.set_xlabel(f"{none:.2f} without gaps, {everything:.2f} with all")
+        panel.set(title=score, xlabel=f"part of the loss ({none:.2f} without gaps, {everything:.2f} with all)")
+        if score == RECOGNITION:
+            panel.set_xlim(-1, 1)  # a share of objects
         panel.axvline(0, color="0.4", lw=0.6)
         panel.grid(axis="x", color="0.9", lw=0.5)
         panel.set_axisbelow(True)

@@ -119,7 +119,7 @@ def _figure(scored: Frame) -> Figure:
             labels.pop(kinds[name], None)
             panel.scatter(np.full(len(points), place), points, s=10, color=colours[kinds[name]], alpha=0.7, label=label)
         panel.axhline(0, color="0.5", lw=0.8)
-        panel.set_xticks(range(len(objects)), [name.replace("_", " ") for name in objects], rotation=60, ha="right", fontsize=6)
+        panel.set_xticks(range(len(objects)), [name.replace("_", " ") for name in objects], rotation=60, ha="right")
         panel.set(title=when, ylabel="measured - simulated brightness (dB)")
     panels[1].legend(loc="best")
     return drawing

@@ -114,7 +114,7 @@ def _figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
         panel.errorbar(share, value, errors, marker="o", ms=4, capsize=2, color=PALETTE[0], label="random labels")
         panel.axhspan(configured["low"], configured["high"], color=PALETTE[1], alpha=0.2, lw=0)
         panel.axhline(configured["value"], color=PALETTE[1], lw=1, label=configured["method"])
-        panel.set(xlabel="wrong labels of the room (%)", ylabel=label, ylim=(0, None))
+        panel.set(xlabel="wrong labels of the room (%)", ylabel=label, ylim=(0, 1 if metric == "accuracy" else None))
     panels[0].axhline(rows[0]["chance"], color="black", ls="--", lw=0.8, label="chance")
     panels[0].legend(loc="best")
     return drawing

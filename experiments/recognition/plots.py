@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.drawing import error_bars
+from experiments.drawing import error_bars, place
 from radartwin.plotting.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.recognize.samples import MEASURED, Samples
 
@@ -44,29 +44,33 @@ def bars(groups: Mapping[str, Mapping[str, Row]], ylabel: str, title: str = "", 
     """Draw bars with confidence intervals from {group: {method: row}}. The bar of the method `grey` is grey; a line shows the chance level
     of each group.
     """
+    from matplotlib.patheffects import withStroke
+
     drawing, axis = figure(width_in=PAGE_WIDTH_IN, height_in=2.6)
     methods = list(dict.fromkeys(method for group in groups.values() for method in group))
     colours = {grey: GREY} | dict(zip((method for method in methods if method != grey), itertools.cycle(PALETTE), strict=False))
-    width = 0.8 / len(methods)
-    for place, group in enumerate(groups.values()):
+    width, named = 0.8 / len(methods), set()
+    for at, group in enumerate(groups.values()):
         for number, method in enumerate(methods):
             if method not in group:
                 continue
-            row, x = group[method], place + (number - (len(methods) - 1) / 2) * width
+            row, x = group[method], at + (number - (len(methods) - 1) / 2) * width
             value, errors = error_bars([row])
-            axis.bar(x, row["value"], 0.92 * width, color=colours[method], label=method if place == 0 else None)
+            axis.bar(x, row["value"], 0.92 * width, color=colours[method], label="" if method in named else method)
+            named.add(method)
             axis.errorbar(x, value, errors, color="black", lw=0.8, capsize=2)
-            axis.text(x, row["high"], f" {row['value']:.2f}", rotation=90, ha="center", va="bottom", fontsize=6)
+            halo = [withStroke(linewidth=2, foreground=colours[method])]  # a low bar does not cover its number
+            axis.text(
+                x - 0.23 * width, 0.02, f"{row['value']:.2f}", rotation=90, color="white", ha="center", va="bottom", path_effects=halo
+            )
         chance = next(iter(group.values()))["chance"]
-        axis.plot([place - 0.45, place + 0.45], [chance, chance], color="black", ls="--", lw=0.8, label="chance" if place == 0 else None)
+        axis.plot([at - 0.45, at + 0.45], [chance, chance], color="black", ls="--", lw=0.8, label="chance" if at == 0 else None)
     turned = {"rotation": 30, "ha": "right"} if len(groups) > MOST_LEVEL else {}
     axis.set_xticks(range(len(groups)), list(groups), **turned)
-    top = max(row["high"] for group in groups.values() for row in group.values())
-    axis.set(ylabel=ylabel, ylim=(0, 1.3 * top), title=title)
-    axis.set_yticks([tick for tick in axis.get_yticks() if tick <= 1.0])
+    axis.set(ylabel=ylabel, ylim=(0, 1), title=title)
     handles, labels = axis.get_legend_handles_labels()
     order = sorted(range(len(labels)), key=lambda i: labels[i] == "chance")
-    axis.legend([handles[i] for i in order], [labels[i] for i in order], loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    drawing.legend([handles[i] for i in order], [labels[i] for i in order], loc="outside upper center", ncols=3)
     return drawing
 
 
@@ -84,9 +88,9 @@ def confusions(panels: Panels) -> Figure:
         axis.imshow(shares, vmin=0, vmax=1, cmap="Blues")
         for row, column in np.argwhere(shares >= 0.005):
             dark = "white" if shares[row, column] > 0.6 else "black"
-            axis.text(column, row, f"{100 * shares[row, column]:.0f}", ha="center", va="center", fontsize=5, color=dark)
-        axis.set_xticks(range(len(names)), names, rotation=60, ha="right", fontsize=6)
-        axis.set_yticks(range(len(names)), names, fontsize=6)
+            axis.text(column, row, f"{100 * shares[row, column]:.0f}", ha="center", va="center", color=dark)
+        axis.set_xticks(range(len(names)), names, rotation=60, ha="right")
+        axis.set_yticks(range(len(names)), names)
         axis.set(title=title, xlabel="answer (% of a class)")
         axis.spines[:].set_visible(False)
     axes[0, 0].set_ylabel("object")
@@ -110,12 +114,15 @@ def embedding_map(recordings: Samples, classes: Mapping[str, str], title: str) -
             face = colours[kind] if filled else "none"
             label = f"{kind}, {domain}"
             axis.scatter(*points[mask].T, s=14, marker=markers[kind], facecolors=face, edgecolors=colours[kind], lw=0.8, label=label)
-    for name in recordings.classes:
-        centre = points[(recordings.label == name) & (recordings.domain == MEASURED)].mean(axis=0)
-        axis.annotate(name.replace("_", " "), centre, fontsize=5, ha="center", va="bottom", xytext=(0, 3), textcoords="offset points")
     share = 100 * plane.explained_variance_ratio_
     axis.set(title=title, xlabel=f"component 1 ({share[0]:.0f} % of variance)", ylabel=f"component 2 ({share[1]:.0f} %)")
-    axis.legend(fontsize=6, loc="best")
+    drawing.legend(loc="outside upper center", ncols=2)
+    drawing.draw_without_rendering()
+    measured = recordings.domain == MEASURED
+    first = [int(np.flatnonzero(measured & (recordings.label == name))[0]) for name in recordings.classes]
+    order = [*first, *(k for k in range(len(points)) if k not in first)]  # a measured point of each object has a label
+    names = [str(recordings.label[k]).replace("_", " ") if k in first else "" for k in order]
+    place(axis, [tuple(points[k]) for k in order], names, ["black"] * len(order))
     return drawing
 
 

@@ -40,12 +40,12 @@ def panels_figure(frame: Frame) -> Figure:
             range_map(panel, level, extent, 0, SPAN_DB)
             panel.plot((np.arange(len(level)) + 0.5) / drive.frame_rate_hz, drive.track_m, color="white", lw=0.8, ls=":")
             if domain == MEASURED:
-                panel.set_title(catalogue()[name].label, fontsize=8)
+                panel.set_title(catalogue()[name].label)
         line[0].set_ylabel(f"{LABELS[domain]}\nrange (m)")
     for panel in panels[-1]:
         panel.set_xlabel("time (s)")
     drawing.colorbar(panels[0, 0].images[0], ax=panels, label="below the brightest cell (dB)", pad=0.01)
-    drawing.suptitle(f"{place[0].replace('_', ' ')}, {place[1]} drive at {place[2]:g} m; dotted: tracked peak", fontsize=8)
+    drawing.suptitle(f"{place[0].replace('_', ' ')}, {place[1]} drive at {place[2]:g} m; dotted: tracked peak")
     return drawing
 
 

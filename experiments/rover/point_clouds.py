@@ -128,9 +128,9 @@ def _figure(frame: Frame) -> Figure:
             fill = {"facecolors": "none", "edgecolors": colour} if marker == "o" else {"color": colour}
             panel.scatter(-y, x, s=14, lw=0.7, marker=marker, label=LABELS[domain], **fill)
         label = f"{drive.object} {drive.room},\n{drive.motion} drive at {drive.distance_m:g} m".replace("_", " ")
-        panel.set_title(label, fontsize=8)
+        panel.set_title(label)
         panel.set(aspect="equal")
         panel.set(xlabel="right of the radar (m)", ylim=(0, FAR_M))
     panels[0, 0].set_ylabel("in front of the radar (m)")
-    panels[0, 0].legend(loc="lower left", fontsize=7)
+    panels[0, 0].legend(loc="lower left")
     return drawing

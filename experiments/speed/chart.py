@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.drawing import place
 from experiments.speed.methods import DEFAULT, FAMILIES, OURS
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 
@@ -24,13 +25,9 @@ SHORT = {
     "room by tubes, by the width rule": "room by tubes",
     " tubes per square wavelength": " tubes", "object and room uncoupled": "uncoupled", "planar elements": "planar", "tubes, ": "tubes ",
     " million": "M", "far-field table": "table", " x 128": "", " x 512": "", "shipped, 128": "shipped", "shipped,": "shipped",
-    "corrected, 128": "corrected", "corrected,": "corrected", "in one place": "Sionna, one place",
-    "3 cm apart": "Sionna", "all of four bounces": "exact images", "no diffuse cloud": "no cloud",
+    "corrected, 128": "corrected", "corrected,": "corrected", "in one place": "one place",
+    "all of four bounces": "exact images", "no diffuse cloud": "no cloud",
 }  # fmt: skip
-OFFSETS = (  # (right, up) of a label from its point, in units of 1/72 inch; preferred offsets come first
-    (5, 0), (5, 6), (5, -6), (-5, 0), (-5, 6), (-5, -6), (0, 8), (0, -8), (5, 13), (5, -13), (-5, 13), (-5, -13), (0, 16), (0, -16),
-)  # fmt: skip
-LABEL_SIZE = 5.5  # font size
 
 
 def short(setting: str) -> str:
@@ -51,15 +48,15 @@ def chart(rows: Sequence[Row], error: str) -> Figure:
     seconds = [row["seconds_frame"] for row in measured]
     for panel, mine in zip(panels.flat, problems.values(), strict=False):
         panel.set(xscale="log", yscale="log", ylim=(low, high), xlim=(min(seconds) / 2, max(seconds) * 4))
-        panel.set_title(mine[0]["title"].replace(" in the ", "\nin the ").replace(", moving", ",\nmoving"), fontsize=7.5)
-        answer = panel.text(0.02, 0.02, _answer(mine[0]["domain"]), fontsize=5.5, color="0.4", transform=panel.transAxes)
+        panel.set_title(mine[0]["title"].replace(" in the ", "\nin the ").replace(", moving", ",\nmoving"))
+        answer = panel.text(0.02, 0.02, _answer(mine[0]["domain"]), color="0.4", transform=panel.transAxes)
         answer.set_in_layout(False)
         _points(panel, mine, error, front, high, low)
     for panel in panels[:, 0]:
         panel.set_ylabel(label)
-    for panel in [*panels[-1, :2], panels[0, 2]]:
+    for panel in panels.flat[:-1]:
         panel.set_xlabel("processor seconds per frame")
-    panels[0, 2].tick_params(labelbottom=True)
+        panel.tick_params(labelbottom=True)
     _legend(panels.flat[-1], measured)
     drawing.draw_without_rendering()
     for panel, mine in zip(panels.flat, problems.values(), strict=False):
@@ -102,13 +99,15 @@ def _points(panel: Any, mine: Sequence[Row], error: str, front: str, high: float
 
 
 def _labels(panel: Any, mine: Sequence[Row], named: Sequence[Row], values: Sequence[float]) -> None:
-    places = [(row["seconds_frame"], value) for row, value in zip(mine, values, strict=True)]
-    place(panel, places, [_label(row) if row in named else "" for row in mine], [LOOKS[row["family"]][1] for row in mine])
+    """Write the settings beside their points: first the default, which must have a label, then those of the other families."""
+    order = sorted(zip(mine, values, strict=True), key=lambda pair: (pair[0]["setting"] != DEFAULT, pair[0]["family"] == OURS))
+    texts = [_label(row) if row in named else "" for row, _ in order]
+    place(panel, [(row["seconds_frame"], value) for row, value in order], texts, [LOOKS[row["family"]][1] for row, _ in order])
 
 
 def _answer(truth: str) -> str:
     truth = truth.replace("tubes per square wavelength", "tubes").replace("this tracer", "this tracer's own run")
-    return "\n".join(textwrap.wrap(f"answer: {truth}", 48))
+    return "\n".join(textwrap.wrap(f"reference: {truth}", 36))
 
 
 def _label(row: Row) -> str:
@@ -145,45 +144,12 @@ def _legend(panel: Any, measured: Sequence[Row]) -> None:
     marker, colour = LOOKS["RF-Genesis style"]
     handles.append(Line2D([], [], color="none", marker=marker, ms=4.5, mfc="white", mec=colour, label="RF-Genesis style, as published"))
     handles.append(Line2D([], [], color="0.6", lw=1.0, label="front: no method is better in time and error"))
-    panel.legend(handles=handles, loc="upper left", fontsize=6.5, borderaxespad=0)
+    panel.legend(handles=handles, loc="upper left", borderaxespad=0)
     lines = [
         "Left is fast, low is accurate. Bars: range over rounds.",
         "Error of profiles: within 40 dB of their peak.",
         "(n x): time relative to the default.",
         "Without a label: other settings; the table lists all.",
-        *(textwrap.fill(machine, 52) for machine in dict.fromkeys(row["machine"] for row in measured)),
+        *(textwrap.fill(machine, 44) for machine in dict.fromkeys(row["machine"] for row in measured)),
     ]
-    panel.text(0, 0.0, "\n".join(lines), fontsize=5.5, color="0.35", va="bottom", transform=panel.transAxes)
-
-
-def place(axes: Any, points: Sequence[tuple[float, float]], texts: Sequence[str], colours: Sequence[Any]) -> None:
-    """Write `texts` beside `points` (data coordinates), each at the best offset of OFFSETS. An empty text writes nothing.
-
-    Set the axis limits before calling this function, because the function compares text sizes in pixels.
-    """
-    from matplotlib.patheffects import withStroke
-
-    scale = axes.figure.dpi / 72
-    spots = axes.transData.transform(np.array(points))
-    frame = axes.get_window_extent()
-    occupied: list[tuple[float, float, float, float]] = [(x - 3 * scale, y - 3 * scale, x + 3 * scale, y + 3 * scale) for x, y in spots]
-    for (x, y), point, text, colour in zip(spots, points, texts, colours, strict=True):
-        if not text:
-            continue
-        width, height = 0.5 * LABEL_SIZE * len(text) * scale, 1.05 * LABEL_SIZE * scale
-        best, best_box, offset = np.inf, occupied[0], OFFSETS[0]
-        for rank, (right, up) in enumerate(OFFSETS):
-            left = x + right * scale - (0.0 if right > 0 else width if right < 0 else width / 2)
-            box = (left, y + up * scale - height / 2, left + width, y + up * scale + height / 2)
-            outside = max(0.0, frame.x0 - box[0]) + max(0.0, box[2] - frame.x1) + max(0.0, frame.y0 - box[1]) + max(0.0, box[3] - frame.y1)
-            cost = sum(_overlap(box, other) for other in occupied) + 200 * outside * height + 0.4 * rank
-            if cost < best:
-                best, best_box, offset = cost, box, (right, up)
-        occupied.append(best_box)
-        side = "left" if offset[0] > 0 else "right" if offset[0] < 0 else "center"
-        label = axes.annotate(text, point, offset, textcoords="offset points", color=colour, ha=side, va="center_baseline")
-        label.set(fontsize=LABEL_SIZE, zorder=2.5, in_layout=False, path_effects=[withStroke(linewidth=1.8, foreground="white")])
-
-
-def _overlap(first: tuple[float, float, float, float], second: tuple[float, float, float, float]) -> float:
-    return max(0.0, min(first[2], second[2]) - max(first[0], second[0])) * max(0.0, min(first[3], second[3]) - max(first[1], second[1]))
+    panel.text(0, 0.0, "\n".join(lines), color="0.35", va="bottom", transform=panel.transAxes)

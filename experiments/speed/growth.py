@@ -205,7 +205,7 @@ def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:
         if max(at for at, _ in points) < 10:  # a logarithmic axis of less than a decade has labels that overlap
             panel.set_xticks([at for at, _ in points], [f"{at:g}" for at, _ in points], minor=False)
             panel.minorticks_off()
-        panel.legend(fontsize=6)
+        panel.legend()
     for panel in list(panels.flat)[len(SWEEPS) :]:
         panel.set_visible(False)
     return drawing

@@ -126,8 +126,7 @@ def map_of(rows: Sequence[Mapping[str, Any]]) -> Figure:
     images = [panel.images[0] for panel in panels.flat if panel.images]
     free = panels.T.flat[len(names)] if len(names) < panels.size else None
     bar = drawing.colorbar(images[0], ax=free or panels, orientation="horizontal", fraction=0.5 if free else 0.02, pad=0.05, aspect=30)
-    bar.set_label("error against the reference (dB); a safe region ends at the first error above 3 dB", fontsize=6.5)
-    bar.ax.tick_params(labelsize=6)
+    bar.set_label("error against the reference (dB); frame: first error above 3 dB, which ends the safe region")
     return drawing
 
 
@@ -139,17 +138,15 @@ def _block(panel: Any, mine: Sequence[Mapping[str, Any]], colours: Any, norm: An
     panel.imshow(np.nan_to_num(errors, nan=40.0), cmap=colours, norm=norm, aspect="auto")
     panel.set_xticks(range(len(values)), values)
     panel.set_yticks(range(len(mine)), [NAMES.get(row["family"], f"{row['family'].split()[0]}, {row['setting']}") for row in mine])
-    panel.tick_params(length=0, labelsize=5.8, pad=2)
+    panel.tick_params(length=0, pad=2)
     for side in panel.spines.values():
         side.set_visible(False)
-    panel.set_title(f"{mine[0]['title']}, {mine[0]['unit']} ({mine[0]['kind']})", fontsize=7, pad=3, loc="left")
+    panel.set_title(f"{mine[0]['title']}, {mine[0]['unit']} ({mine[0]['kind']})", pad=3, loc="left")
     for line, row in enumerate(errors):
         for column, error_db in enumerate(row):
             text = "40+" if error_db >= 40 else f"{error_db:.1f}" if error_db < 9.95 else f"{error_db:.0f}"
-            panel.text(
-                column, line, text, ha="center", va="center", fontsize=5.3, color="white" if error_db < 1 or error_db >= 12 else "black"
-            )
-        panel.text(len(row) - 0.42, line, verdict(mine[line]), fontsize=5.8, va="center")
+            panel.text(column, line, text, ha="center", va="center", color="white" if error_db < 1 or error_db >= 12 else "black")
+        panel.text(len(row) - 0.42, line, verdict(mine[line]), va="center")
         if words := mine[line]["fails at"]:
             corner = values.index(words.split()[0]) - 0.48, line - 0.46
             panel.add_patch(Rectangle(corner, 0.96, 0.92, fill=False, ec="black", lw=0.9))

@@ -272,7 +272,7 @@ def _range_time_figure(side_recordings: Mapping[str, Any], distance: float, labe
         range_map(panel, level, (0, 360, float(axis[inside][0]), float(axis[inside][-1])), top, 70)
         panel.set(title=labels[side], xlabel="turntable angle (deg)", xticks=[0, 90, 180, 270, 360])
     line = {"arrowstyle": "-", "color": "white"}
-    panels[0].annotate("reflector", (15, distance), (25, distance - 0.6), color="white", fontsize=7, arrowprops=line)
+    panels[0].annotate("reflector", (15, distance), (25, distance - 0.6), color="white", arrowprops=line)
     panels[0].set_ylabel("range (m)")
     drawing.colorbar(panels[0].images[0], ax=panels, label="received / transmitted power (dB)", pad=0.01)
     return drawing

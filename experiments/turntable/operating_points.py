@@ -199,10 +199,10 @@ def draw(points: Sequence[Point]) -> Figure:
             share, void, room = ([np.mean(point.values[name]) for point in of_window] for name in FIGURES)
             dots = panel.scatter(void, room, c=share, marker=marker, s=14, vmin=0, vmax=1, cmap="coolwarm", label=window)
         (left, right), (low, high) = LIMITS[VOID], LIMITS["room"]
-        panel.fill_between((max(left, -0.5), right), low, high, color="0.5", alpha=0.2, lw=0)
+        panel.fill_between((max(left, -0.5), right), low, high, color="0.5", alpha=0.2, lw=0, label="as in the paper")
         panel.plot(PAPER[VOID], PAPER["room"], "k*", ms=9, label="paper, share 0.75")
         panel.set(xlabel="correlation without the room", title=label, xlim=(-0.5, 1.05), ylim=(-0.5, 1.05))
     panels[0].set_ylabel("correlation with the room")
     drawing.colorbar(dots, ax=panels, label="energy share beyond the target", pad=0.01)
-    legend_above(drawing, panels[0], 3)
+    legend_above(drawing, panels[0], 4)
     return drawing

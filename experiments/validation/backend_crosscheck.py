@@ -263,5 +263,5 @@ def _figure(by_room: dict[str, dict[str, PathSet]]) -> Figure:
         panel.set_xlabel("half the path's length (m)")
     for panel in panels[:, 0]:
         panel.set_ylabel("received / transmitted (dB)")
-    panels[0, 0].legend(loc="upper right", fontsize=7)
+    panels[0, 0].legend(loc="upper right")
     return drawing

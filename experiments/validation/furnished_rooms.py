@@ -117,7 +117,7 @@ def drawing(room_score: Score) -> Figure:
         (compared.simulated, "this simulator", PALETTE[0], 0.9),
     ):
         right.plot(compared.range_m, 20 * np.log10(np.abs(profile) / peak), label=label, color=colour, lw=width)
-    title = f"profile {compared.profile_db:.1f} dB, complex error {compared.error:.2f}"
+    title = f"error of the profile {compared.profile_db:.1f} dB, of the signal {compared.error:.2f}"
     right.set(xlabel="range (m)", ylabel="level (dB)", ylim=(-60, 5), title=title)
     right.legend(loc="lower left")
     return canvas

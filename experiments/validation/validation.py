@@ -136,7 +136,9 @@ def _near_figure(full: bool) -> Figure:
         reference, simulated = near.curve(name, next(iter(meshes)), distances)
         axes.plot(distances, reference, color=PALETTE[number], lw=2.5, alpha=0.35)
         axes.plot(distances, simulated, "o", ms=2.5, color=PALETTE[number], label=f"{name} 10 cm")
-    axes.set(xscale="log", xlabel="distance (m)", ylabel="effective cross-section (dBsm)", title="lines: reference, dots: tubes, 4 rays")
+    axes.set(xscale="log", xlabel="distance (m)", ylabel="effective cross-section (dBsm)")
+    axes.plot([], [], color="0.7", lw=2.5, label="quadrature")
+    axes.plot([], [], "o", ms=2.5, color="0.3", label="4 tubes per square wavelength")
     axes.legend(loc="lower right")
     return drawing
 

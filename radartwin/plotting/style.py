@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442", "#000000")
 COLUMN_WIDTH_IN, PAGE_WIDTH_IN = 3.33, 7.0  # acmart sigconf, one and two columns
+TEXT_PT = 7  # size of every text of a figure
 SEQUENTIAL = "viridis"
 SUFFIXES = (".png", ".pdf")
 
@@ -31,21 +32,22 @@ def style() -> dict[Any, Any]:
         "axes.prop_cycle": cycler(color=PALETTE),
         "axes.spines.right": False,
         "axes.spines.top": False,
-        "axes.titlesize": 9,
-        "axes.labelsize": 8,
+        "axes.titlesize": TEXT_PT,
+        "axes.labelsize": TEXT_PT,
         "figure.constrained_layout.use": True,
         "figure.dpi": 100,
-        "font.size": 8,
+        "figure.titlesize": TEXT_PT,
+        "font.size": TEXT_PT,
         "image.cmap": SEQUENTIAL,
-        "legend.fontsize": 7,
+        "legend.fontsize": TEXT_PT,
         "legend.frameon": False,
         "lines.linewidth": 1.2,
         "pdf.fonttype": 42,
         "savefig.dpi": 200,
         "svg.fonttype": "none",
         "svg.hashsalt": "radartwin",
-        "xtick.labelsize": 7,
-        "ytick.labelsize": 7,
+        "xtick.labelsize": TEXT_PT,
+        "ytick.labelsize": TEXT_PT,
     }
 
 

@@ -60,7 +60,7 @@ def test_html_begins_with_claim_verdict_value_paper_and_why_and_folds_other_colu
         "The whole interval is above 0.1.",
         "r | z<small>3 m</small>", "", "0.333<small>0.25 to 0.5</small>", "0.1 &#177; 0.2", "",
     ]  # fmt: skip
-    assert "In every row: bound: 0.1; null: 0; seed: 0; n: 3; domain: testbed" in text
+    assert "In every row: bound: 0.1; null: 0; seed: 0; metric: r | z; n: 3; domain: testbed" in text
     assert text.isascii()
 
 

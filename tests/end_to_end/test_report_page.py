@@ -140,6 +140,8 @@ def test_link_to_a_row_scrolls_to_it_highlights_it_and_shows_all_its_columns(ope
     assert opened.run(
         f"getComputedStyle({row}.cells[1]).backgroundColor !== getComputedStyle({row}.previousElementSibling).backgroundColor"
     )
+    opened.open(index, 390, fragment="#environment-20")
+    opened.until(f"{row}.querySelector('.more').checkVisibility()")
     opened.run("document.querySelector('#environment .scroll').scrollLeft = 1e4")
     opened.until("document.querySelector('#environment .scroll').scrollLeft > 0")
     edge = "document.querySelector('#environment .scroll').getBoundingClientRect().left"
