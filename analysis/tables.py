@@ -109,7 +109,8 @@ def to_latex(table: Table, rows: Sequence[Row]) -> str:
 def to_html(table: Table, rows: Sequence[Row], captioned: bool = True) -> str:
     """Format a table as an HTML table element. The text is ASCII, so that a page of any encoding can include the element.
 
-    The columns FRONT come first. The further columns have the class "more"; a last line has the cells that are equal in all rows.
+    The columns FRONT come first. The further columns have the class "more"; a last line has the cells that are equal in all rows. Rows with
+    a verdict come first; the id of a row has its number in the CSV.
     """
     names, cells = _cells(rows)
     told = case_columns(rows)
@@ -119,7 +120,8 @@ def to_html(table: Table, rows: Sequence[Row], captioned: bool = True) -> str:
     kinds = {c: ' class="more number"' if _numeric(rows, c) else ' class="more"' for _, c in more}
     head = [*(f"<th scope=col>{c}</th>" for c in FRONT), *(f"<th scope=col{kinds[c]}>{html.escape(heading(c))}</th>" for _, c in more)]
     body = []
-    for number, (row, line) in enumerate(zip(rows, cells, strict=True), 1):
+    numbered = list(enumerate(zip(rows, cells, strict=True), 1))
+    for number, (row, line) in sorted(numbered, key=lambda item: not item[1][0]["verdict"]):
         first, rest = label(row, told)
         tone, paper = html.escape(slug(row["verdict"])), html.escape(_text(row["paper"]).replace(" +- ", " ± "))
         shown = [
@@ -181,7 +183,8 @@ def why(row: Row) -> str:
         return f"{reason[0].upper()}{reason[1:].rstrip('.')}."
     word, direction = row["verdict"], row.get("direction")
     if not word or not direction:
-        return f"The limit is {text_of(row['limit'])}." if word and _text(row.get("limit")) else _text(row.get("why"))
+        limit = f"The limit is {text_of(row['limit'])}." if row.get("limit") not in (None, "") else ""
+        return (limit if word else "") or _text(row.get("why")) or ("The claim states the limit." if word else "")
     if _text(row["value"]) == "":
         return "There is no value."
     if not _text(row["low"]) and not _text(row["high"]):

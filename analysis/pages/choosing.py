@@ -8,12 +8,14 @@ cp outputs/tables/{speed_accuracy,stability,complexity}.csv docs/results/ && pyt
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from PIL import Image
 
 from analysis.pages.template import RESULTS, ROOT, filled
 from experiments.complexity import rows as complexity_rows
@@ -139,5 +141,7 @@ def draw() -> None:
         "complexity": lambda: complexity_rows.chart(read("complexity")),
     }
     for name, figure in drawn.items():
-        _, pdf = style.save(figure, FIGURES / name)
+        png, pdf = style.save(figure, FIGURES / name)
         pdf.unlink()
+        with Image.open(io.BytesIO(png.read_bytes())) as picture:  # 64 colours need a quarter of the bytes
+            picture.convert("RGB").quantize(64, dither=Image.Dither.NONE).save(png, optimize=True)

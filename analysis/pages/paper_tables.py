@@ -90,7 +90,7 @@ def html(read: Callable[[str], pd.DataFrame]) -> Iterator[tuple[str, str, str]]:
 
 def _marked(cell: str) -> str:
     """Return a cell as HTML: links, line breaks, and verdicts in their colours."""
-    lines = [_LINK.sub(r'<a href="\2">\1</a>', escape(line)) for line in cell.split("<br>")]
+    lines = [_LINK.sub(r'<a href="\2">\1</a>', escape(line.replace("+-", "±"))) for line in cell.split("<br>")]
     return "<br>".join(f'<span class="{slug(line)}">{line}</span>' if line in VERDICTS else line for line in lines)
 
 

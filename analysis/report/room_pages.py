@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import functools
 import io
-import tempfile
 from dataclasses import dataclass
-from pathlib import Path
 
 PIXELS = 480
 BARE = ("empty", "void")  # rooms without furniture
@@ -35,7 +33,7 @@ def drawn() -> list[RoomPage]:
     from radartwin.label.material_map import corner_camera
     from radartwin.label.z_buffer import Drawing
     from radartwin.scene import rooms
-    from radartwin.scene.viewer.page import view
+    from radartwin.scene.viewer.page import describe, page_of
 
     pages = []
     for name in (room for room in rooms.ROOMS if room not in BARE):
@@ -43,8 +41,7 @@ def drawn() -> list[RoomPage]:
         drawing = Drawing(scene)
         camera = corner_camera(scene, drawing, PIXELS)
         Image.fromarray(drawing.picture(camera, drawing.seen(camera))).save(stream, "JPEG", quality=85)
-        with tempfile.TemporaryDirectory() as folder:
-            html = Path(view(scene, Path(folder) / f"{name}.html", title=spoken)).read_bytes()
+        html = page_of(*describe(scene, title=spoken)).encode()
         size_m = tuple(np.ptp(scene.bounds, axis=0).tolist())
         pages.append(RoomPage(spoken, len(scene), size_m, f"rooms/{name}.html", f"rooms/{name}.jpg", html, stream.getvalue()))
     return pages

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments import statistics
+from experiments.drawing import legend_above
 from experiments.statistics import Estimate
 from experiments.verdicts import BELOW, Claim, RowList
 from radartwin.config.config import Config
@@ -171,7 +172,7 @@ def drawing(curves: dict, recording: Any, true_rad: np.ndarray) -> Figure:
                     SEPARATIONS, [e.low for e in estimates], [e.high for e in estimates], color=PALETTE[number], alpha=0.12, lw=0
                 )
         panel.set(title=f"{antennas} antennas", xlabel="separation (Rayleigh widths)", ylabel=PROBABILITY, ylim=(-0.02, 1.02))
-    axes[0].legend()
+    legend_above(drawn, axes[0], 5)
     profiles, range_m = range_fft(recording.iq, RADAR)
     snapshots = profiles[..., np.argmin(np.abs(range_m - 2.0))].mean(axis=1)  # mean over chirps, because the spheres are at rest
     grid = np.radians(np.arange(-30, 30.1, 0.1))

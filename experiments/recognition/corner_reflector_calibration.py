@@ -16,6 +16,7 @@ import numpy as np
 from experiments.campaign.cases import COMPARED, REFLECTOR
 from experiments.campaign.frame import Frame, balanced, by_revolution
 from experiments.cells import Cell, first_draw, paired, table_rows, using
+from experiments.drawing import legend_above
 from experiments.draws import Query
 from experiments.recognition.readings import MOTION, reflector
 from experiments.statistics import clustered, difference, exact
@@ -121,5 +122,5 @@ def _figure(scored: Frame) -> Figure:
         panel.axhline(0, color="0.5", lw=0.8)
         panel.set_xticks(range(len(objects)), [name.replace("_", " ") for name in objects], rotation=60, ha="right")
         panel.set(title=when, ylabel="measured - simulated brightness (dB)")
-    panels[1].legend(loc="best")
+    legend_above(drawing, panels[0], 4)
     return drawing

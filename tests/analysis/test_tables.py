@@ -80,6 +80,7 @@ def test_html_begins_with_claim_verdict_value_paper_and_why_and_folds_other_colu
     ("not testable here", {"direction": "above", "bound": 0.0, "reason": "no clutter"}, "No clutter."),
     ("misses", {"direction": "below", "bound": 0.1}, "It is not wholly below the limit 0.1."),
     ("holds", {"limit": "<= 1"}, "The limit is <= 1."),
+    ("misses", {}, "The claim states the limit."),
     ("", {}, ""),
 ])  # fmt: skip
 def test_why_names_the_bound_that_decides(word: str, changes: dict[str, Any], expected: str) -> None:

@@ -54,7 +54,7 @@ def view(scene: Scene, path: str | Path, poses: np.ndarray | None = None, title:
     path = Path(path)
     if path.suffix != ".html":
         raise OutputError(f"{path} does not end with .html; give the page a name such as {path.with_suffix('.html').name}")
-    return write_atomically(path, _page(*describe(scene, poses, title, by)))
+    return write_atomically(path, page_of(*describe(scene, poses, title, by)))
 
 
 def describe(
@@ -168,7 +168,7 @@ def _arrays(meshes: Sequence[trimesh.Trimesh], scanned: Sequence[np.ndarray | No
     )
 
 
-def _page(content: dict[str, Any], arrays: Sequence[np.ndarray]) -> str:
+def page_of(content: dict[str, Any], arrays: Sequence[np.ndarray]) -> str:
     folder = resources.files("radartwin.scene.viewer") / "assets"
     part = {name: (folder / name).read_text(encoding="utf-8") for name in ("page.html", "style.css", *_SCRIPTS)}
     parts = {
