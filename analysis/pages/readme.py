@@ -40,7 +40,7 @@ def table_3() -> Iterator[list[str]]:
     section = next(section for section in paper_tables.content() if section["title"].startswith("Table 3"))
     for row in section["rows"]:
         level, task, raw, trained, chance = row["cells"]
-        (ours_raw, _, _), (ours, _, verdict) = (
+        (ours_raw, _, _), (ours, verdict, _) = (
             paper_tables.answer(committed, "", {**section["where"], **row, **cell}) for cell in (raw, trained)
         )
         task = task.replace("rover lateral", "drive past").replace("rover depth", "drive towards")

@@ -36,7 +36,7 @@ def material_map(scene: Scene) -> Figure:
     """Draw two panels: the scanned scene in its own colours, and coloured by MINC category with a legend of the visible categories."""
     figure, axes = style.figure(1, 2, width_in=style.PAGE_WIDTH_IN, height_in=4.1)
     patches = draw_materials(scene, axes)
-    figure.legend(handles=patches, loc="outside lower center", ncols=min(2, max(1, len(patches))), fontsize=6.5)
+    figure.legend(handles=patches, loc="outside lower center", ncols=min(2, max(1, len(patches))))
     return figure
 
 
