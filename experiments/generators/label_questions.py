@@ -3,13 +3,13 @@
     python -m experiments.generators.label_questions lab --out FOLDER
     python -m experiments.generators.label_questions lab --answers FILE --model NAME --about TEXT
 
-The script scans and reconstructs a room in the same way as when its answers were recorded (simulated phone scan, strength 1, seed 0). The
-chair is a real scan, which is used in two forms: its camera frames and its exported mesh. Questions and pictures are written as by the
-command `radartwin label SCENE --export`. The script prints for which share of the surface area a recorded answer has the same hash of
-question and pictures, and for which share there is a recorded answer about a surface at the same place. The pictures of a scan differ in
-single bytes between types of processors, so that the first share can be near zero on another type of processor than the recording one. With
-the option `--answers`, the script replaces the recorded answers of the room by those in a file, which has the format of the command
-`radartwin label SCENE --import`.
+The script scans and reconstructs a room in the same way as when its answers were recorded (simulated phone scan, strength 1, seed 0). Two
+rooms are real scans: the chair, in two forms (camera frames and exported mesh), and the furnished room of `radartwin demo`. Questions and
+pictures are written as by the command `radartwin label SCENE --export`. The script prints for which share of the surface area a recorded
+answer has the same hash of question and pictures, and for which share there is a recorded answer about a surface at the same place. The
+pictures of a scan differ in single bytes between types of processors, so that the first share can be near zero on another type of processor
+than the recording one. With the option `--answers`, the script replaces the recorded answers of the room by those in a file, which has the
+format of the command `radartwin label SCENE --import`.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from radartwin.commands.demo import SCAN
 from radartwin.errors import LabelError
 from radartwin.io.one_line import plural
 from radartwin.label.labelling import load, prepare
 from radartwin.label.question_folder import export, read_answers
 from radartwin.label.questions import Question
-from radartwin.label.recorded import SHIPPED, Recorded, ship_records, shipped, shipped_rooms
+from radartwin.label.recorded import CHAIR, FURNISHED, SHIPPED, Recorded, ship_records, shipped, shipped_rooms
 from radartwin.reconstruct.build import reconstruct
 from radartwin.reconstruct.frames.folder import save_frames
 from radartwin.scene import rooms
 from radartwin.testbed.scanner import scan
 
-CHAIR = "arkit_lidar_chair_scan"
 DATA = Path("../shared/data/scans") / CHAIR
 
 
@@ -38,8 +38,8 @@ def asked(room: str, data: Path = DATA) -> list[Question]:
     """Return the questions about a room's scan, or about both forms of the chair scan in the folder `data` (frames and exported mesh)."""
     with tempfile.TemporaryDirectory() as folder:
         here = Path(folder)
-        sources = [data, data / "export.obj"]
-        if room != CHAIR:
+        sources = {CHAIR: [data, data / "export.obj"], FURNISHED: [SCAN]}.get(room, [])
+        if not sources:
             save_frames(scan(rooms.room(room, detail="cluttered"), 0, 1.0)[0], here / room)
             sources = [here / room]
         questions = []
@@ -87,7 +87,7 @@ def replace_answers(room: str, questions: Sequence[Question], answers: Path, mod
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Write the questions of the recorded answers and compare digests, or record new answers.")
-    parser.add_argument("room", choices=shipped_rooms())
+    parser.add_argument("room", choices=sorted({*shipped_rooms(), FURNISHED}))
     task = parser.add_mutually_exclusive_group(required=True)
     task.add_argument("--out", type=Path, help="folder for the questions and their pictures")
     task.add_argument("--answers", type=Path, help="file with new answers, one JSON object per line; needs --model and --about")

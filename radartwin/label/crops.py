@@ -1,6 +1,7 @@
 """Make pictures of a surface for a material question: a few crops in which the surface is outlined and its surroundings are visible.
 
-The crops come from photographs that show the surface. If no photograph shows the surface, the mesh is rendered from viewpoints around it.
+The crops come from photographs that show the surface. If no photograph shows the surface, the mesh is rendered from viewpoints around it,
+with the pictures of the scan file if it has any.
 In both cases the geometry of the scene decides which parts of the surface are hidden. Views of a surface are ranked by the size of the
 surface in the picture, the viewing angle and the sharpness. Two views of a surface must differ in direction, and the last view has a wide
 margin. The same scene gives the same picture bytes.
@@ -63,11 +64,14 @@ class Views:
     scene: Scene
     photos: Sequence[Photo] = ()
     count: int = 3
+    textured: Scene | None = None
     _drawing: Drawing = field(init=False, repr=False)
+    _scan: Drawing = field(init=False, repr=False)  # the triangles whose colours the rendered pictures show
     _coarse: Triangles = field(init=False, repr=False)  # simplified triangles that are rendered to rank the viewpoints
 
     def __post_init__(self) -> None:
         self._drawing = Drawing(self.scene)
+        self._scan = self._drawing if self.textured is None else Drawing(self.textured)
         self._coarse = self._drawing if len(self._drawing.faces) < MANY_FACES else self._drawing.coarser(CELL_M)
 
     def crops(self, indices: Iterable[int], step: Callable[[], None] = lambda: None) -> dict[int, list[Crop]]:
@@ -183,7 +187,8 @@ class Views:
         seen = self._drawing.seen(camera)
         mask = self._drawing.surfaces(seen) == index
         if view.photo is None:
-            pixels, origin = self._drawing.picture(camera, seen), "mesh"
+            shown = seen if self._scan is self._drawing else self._scan.seen(camera)
+            pixels, origin = self._scan.picture(camera, shown), "mesh"
         else:
             pixels, origin = _cut(read(view.photo), (left, top, right, bottom), camera), "photo"
         return Crop(jpeg(outlined(pixels, mask), QUALITY), origin, float(mask.mean()))

@@ -17,7 +17,7 @@ from radartwin.io.one_line import plural
 from radartwin.io.progress import Progress
 from radartwin.label.journal import Journal, Record
 from radartwin.label.material_sources import Uniform
-from radartwin.label.photos import load_photos
+from radartwin.label.photos import load_photos, load_textured
 from radartwin.label.question_folder import export, read_answers
 from radartwin.label.questions import Question, questions
 from radartwin.label.recorded import JOURNAL, Recorded, records_for
@@ -167,7 +167,8 @@ def prepare(folder: Path, scene: Scene, *, views: int = 3, progress: Progress | 
     photos = load_photos(folder)
     surfaces = tuple(index for index, surface in enumerate(scene) if belongs_to_room(surface))
     with (progress or Progress(quiet=True)).task(f"views of {plural(len(surfaces), 'surface')}", len(surfaces)) as advance:
-        return LabelTask(folder, scene, surfaces, tuple(questions(scene, photos, views=views, only=surfaces, step=advance)))
+        asked = questions(scene, photos, load_textured(folder), views=views, only=surfaces, step=advance)
+        return LabelTask(folder, scene, surfaces, tuple(asked))
 
 
 def answer(task: LabelTask, provider: Provider, progress: Progress | None = None) -> dict[int, Record]:

@@ -1,4 +1,5 @@
-"""Read and write photographs of a scene with their camera poses: `photos/*.jpg` and `photos.json` in the scene folder.
+"""Read and write photographs of a scene with their camera poses: `photos/*.jpg` and `photos.json` in the scene folder. Read the scanned
+mesh with its pictures, which replaces photographs if the scan is a mesh file.
 
 The cameras follow the OpenCV convention: the pose is a 4x4 camera-to-world matrix with x right, y down, z forward. The camera intrinsics
 are a 3x3 matrix in pixels of the stored picture, with the centre of the first pixel at (0, 0). Stored photographs have no lens distortion.
@@ -18,9 +19,11 @@ from radartwin.errors import InputError, MissingError, PoseError
 from radartwin.io import untrusted_json
 from radartwin.io.files import inside, write_atomically
 from radartwin.io.untrusted_pictures import open_picture
+from radartwin.scene.scene import Scene
 
 FORMAT, VERSION = "radartwin-photos", 1
 INDEX, FOLDER = "photos.json", "photos"
+TEXTURED = "scan_textured.glb"  # the scanned mesh with its pictures, in the coordinates of the scene
 QUALITY = 92
 
 
@@ -84,6 +87,12 @@ def load_photos(folder: Path) -> Sequence[Photo]:
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path} is not a {FORMAT} version {VERSION} index; write it again with radartwin reconstruct") from error
     return [_checked(photo) for photo in photos]
+
+
+def load_textured(folder: Path) -> Scene | None:
+    """Load the scanned mesh with its pictures from a scene folder; None if the scan had no pictures."""
+    path = folder / TEXTURED
+    return Scene.load(path, material="plasterboard") if path.is_file() else None
 
 
 def _checked(photo: Photo) -> Photo:

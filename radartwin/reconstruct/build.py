@@ -1,8 +1,8 @@
 """Turn a scan into a scene: read or fuse the scan, segment it, outline and complete its planes, assign one material, and save the scene.
 
 The scene folder contains scene.glb, manifest.json, photos/*.jpg, photos.json, `scan.ply` (the mesh of the scan before segmentation, in
-metres with z up) and `scan_surfaces.npy` (for each face of the scan, the index of its surface in the manifest, or -1 if the face belongs to
-no surface).
+metres with z up), `scan_surfaces.npy` (for each face of the scan, the index of its surface in the manifest, or -1 if the face belongs to
+no surface) and, if the scan is a mesh with pictures, `scan_textured.glb` (the scan with its pictures, which `radartwin label` shows).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from radartwin.errors import OutputError, ScanError
 from radartwin.io import files
 from radartwin.io.one_line import plural
 from radartwin.io.progress import Progress
-from radartwin.label.photos import FOLDER, INDEX, save_photos
+from radartwin.label.photos import FOLDER, INDEX, TEXTURED, save_photos
 from radartwin.materials import Layered, check_name
 from radartwin.reconstruct.frames.frames import Frames, scan_digest
 from radartwin.reconstruct.frames.layouts import layout_of, load_frames
@@ -32,7 +32,7 @@ from radartwin.reconstruct.mesh_distance import farthest_points
 from radartwin.reconstruct.outlines.assembly import assembled
 from radartwin.reconstruct.outlines.seen_points import Cameras
 from radartwin.reconstruct.outlines.surfaces import flattened
-from radartwin.reconstruct.scan_file import Axis, Unit, check_size, load_scan
+from radartwin.reconstruct.scan_file import Axis, Unit, check_size, load_scan, textured_parts
 from radartwin.reconstruct.segmentation.segment import segmented
 from radartwin.scene.mesh_file import offset_m
 from radartwin.scene.scene import Scene
@@ -74,6 +74,7 @@ class Scan:
         scan_of: identifier of the scanned room (room name or file digest).
         offset_m: (3,) the coordinates of the scan minus those of the mesh; see `radartwin.scene.mesh_file.offset_m`.
         frames: colour-and-depth frames from which the mesh was fused, with their aligned poses; None for a mesh file.
+        textured: the meshes of a mesh file with their pictures; empty if the file has none.
     """
 
     mesh: trimesh.Trimesh
@@ -82,6 +83,7 @@ class Scan:
     scan_of: str
     offset_m: np.ndarray
     frames: Frames | None = None
+    textured: Sequence[trimesh.Trimesh] = ()
 
 
 def reconstruct(
@@ -151,7 +153,7 @@ def _changes(statistics: Mapping[str, Any]) -> Iterator[str]:
 def _check_out(out: Path, scan: Path) -> None:
     """Raise OutputError if the scene cannot be written to `out`, or if it would replace the scan or files that RadarTwin did not write."""
     files.check_folder(out)
-    held = [out / name for name in (GEOMETRY, MANIFEST, INDEX, FOLDER, MESH_FILE, FACE_SURFACES_FILE) if (out / name).exists()]
+    held = [out / name for name in (GEOMETRY, MANIFEST, INDEX, FOLDER, MESH_FILE, TEXTURED, FACE_SURFACES_FILE) if (out / name).exists()]
     if scan.exists() and (scan.resolve().is_relative_to(out.resolve()) or any(path.samefile(scan) for path in held)):
         raise OutputError(f"{out}: the folder contains the scan {scan}; choose another folder for --out")
     # `_save` writes the file of face surfaces first. An interrupted reconstruction therefore leaves this file, but no manifest.
@@ -168,8 +170,10 @@ def _from_mesh_file(path: Path, options: ScanOptions, progress: Progress) -> Sca
         raise ScanError(f"{path}: {option} applies only to a folder of frames; leave it out for a mesh")
     with progress.task(f"reading {path.name}", 1) as advance:
         mesh, report = load_scan(path, options.unit, options.up, options.is_object)
+        textured = textured_parts(path, report)
         advance()
-    return Scan(mesh, dataclasses.asdict(report), report.lines(), scan_digest([path]), np.array(report.offset_m))
+    offset = np.array(report.offset_m)
+    return Scan(mesh, dataclasses.asdict(report), report.lines(), scan_digest([path]), offset, textured=textured)
 
 
 def _from_frames(path: Path, options: ScanOptions, progress: Progress) -> Scan:
@@ -217,11 +221,15 @@ def _save(scene: Scene, folder: Path, scan: Scan, surface_of_face: np.ndarray, p
     np.save(stream, surface_of_face)
     try:  # the manifest is removed first and written last: an interrupted write leaves a folder without it, which `Scene.load` rejects
         (folder / MANIFEST).unlink(missing_ok=True)
-        (folder / INDEX).unlink(missing_ok=True)
+        for name in (INDEX, TEXTURED):
+            (folder / name).unlink(missing_ok=True)
     except OSError as error:
         raise OutputError(f"{folder}: cannot replace the scene in it ({error.strerror}); choose another folder") from error
     files.write_atomically(folder / FACE_SURFACES_FILE, stream.getvalue())
     files.write_atomically(folder / MESH_FILE, mesh)
+    if scan.textured:
+        textured: Any = trimesh.Scene(list(scan.textured)).export(file_type="glb")
+        files.write_atomically(folder / TEXTURED, bytes(textured))
     if scan.frames is not None:
         save_photos(folder, _photos(scan.frames, progress))
     scene.save(folder)

@@ -139,6 +139,19 @@ def load_scan(
     )
 
 
+def textured_parts(path: Path, report: ScanReport) -> list[trimesh.Trimesh]:
+    """Return the meshes of a scan file with their pictures, in the coordinates of the mesh that `load_scan` returns with the report.
+
+    The list is empty if no mesh has a picture.
+    """
+    parts = list(read_meshes(path).values())
+    if not any(mesh.visual.kind == "texture" for mesh in parts):
+        return []
+    transform = np.eye(4)
+    transform[:3, :3], transform[:3, 3] = METRES[report.unit] * TO_Z_UP[report.up], -np.array(report.offset_m)
+    return [mesh.apply_transform(transform) for mesh in parts]
+
+
 def _welded(path: Path, unit_m: float) -> tuple[trimesh.Trimesh, dict[str, int]]:
     """Return the file's mesh in metres, without degenerate and duplicate faces, and the numbers of removed elements for the report."""
     meshes = list(read_meshes(path).values())

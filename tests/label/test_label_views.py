@@ -114,6 +114,16 @@ def test_every_surface_has_three_crops_with_outline_and_surroundings_and_they_ar
     assert box[2].share < 0.5 * box[0].share, "the last crop is wide"
 
 
+def test_the_pictures_of_a_scan_file_replace_the_colours_of_the_surfaces() -> None:
+    scene = box_room()
+    blue = [s.replaced(mesh=Trimesh(s.mesh.vertices, s.mesh.faces, vertex_colors=[20, 40, 220], process=False)) for s in scene]
+    shown = pixels(Views(scene, textured=Scene(blue)).crops([5])[5][0]).astype(int)
+    own = pixels(Views(scene).crops([5])[5][0]).astype(int)
+    assert (shown[..., 2] > shown[..., 0] + 50).mean() > 0.5
+    outlines = [(picture[..., 0] > 150) & (picture[..., 1] < 110) & (picture[..., 2] > 150) for picture in (shown, own)]
+    assert np.array_equal(*outlines) or (outlines[0] == outlines[1]).mean() > 0.99, "the outline is that of the surface"
+
+
 def test_photographs_are_used_only_if_they_show_the_surface(tmp_path) -> None:
     scene = box_room()
     drawing = Drawing(scene)

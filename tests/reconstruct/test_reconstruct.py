@@ -9,14 +9,19 @@ import pytest
 import trimesh
 from built_rooms import WINDOW, coloured, modelled, saved, scan, shell, truth, with_door
 from made_files import refused
+from PIL import Image
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
 from radartwin.errors import MissingError, OutputError
+from radartwin.label.photos import load_textured
 from radartwin.reconstruct.build import FACE_SURFACES_FILE, MESH_FILE, ScanOptions, distinct_views, reconstruct, summary
 from radartwin.reconstruct.outlines.assembly import assembled
 from radartwin.reconstruct.outlines.surfaces import flattened
 from radartwin.reconstruct.scan_file import load_scan
 from radartwin.reconstruct.segmentation.colour import face_colours
 from radartwin.reconstruct.segmentation.segment import segmented
+from radartwin.scene.mesh_file import TO_Z_UP
 from radartwin.scene.scene import Scene
 
 
@@ -44,6 +49,19 @@ def test_scene_folder_holds_the_scan_and_the_surface_of_each_face_and_is_determi
     assert any("ceiling" in line for line in lines)
     low, high = scene.bounds
     assert lines[-1].startswith(f"the scene extends over x from {low[0]:.2f} to {high[0]:.2f}, y from {low[1]:.2f} to ")
+
+
+def test_the_pictures_of_a_scan_file_are_kept_in_the_coordinates_of_the_scene(tmp_path):
+    room = coloured(scan([*shell(WINDOW)], 0.004), with_door)
+    turned = room.vertices @ TO_Z_UP["y"]  # the file has y up
+    look = TextureVisuals(uv=np.zeros((len(turned), 2)), material=PBRMaterial(baseColorTexture=Image.new("RGB", (4, 4), "red")))
+    trimesh.Trimesh(turned, room.faces, visual=look, process=False).export(tmp_path / "room.glb")
+    reconstruct(tmp_path / "room.glb", tmp_path / "out", options=ScanOptions(up="y"))
+    textured = load_textured(tmp_path / "out")
+    assert textured is not None
+    assert np.allclose(textured.bounds, room.bounds, atol=1e-5)
+    reconstruct(saved(room, tmp_path), tmp_path / "out")
+    assert load_textured(tmp_path / "out") is None, "a scan without pictures leaves no pictures of an earlier scan"
 
 
 @pytest.mark.slow

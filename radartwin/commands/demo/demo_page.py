@@ -1,5 +1,5 @@
-"""Write the page of `radartwin demo`: one HTML file that shows the room, the echoes, the surface of each peak, and the next commands to
-type.
+"""Write the page of `radartwin demo`: one HTML file that shows the scan, its materials, the echoes with the things from which they come,
+and the next commands to type. Write the same pictures side by side as `demo.png`.
 """
 
 from __future__ import annotations
@@ -7,149 +7,265 @@ from __future__ import annotations
 import html
 import io
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from radartwin.io import files
-from radartwin.label.material_map import draw_materials
-from radartwin.label.z_buffer import Camera
+from radartwin.label.material_map import draw_materials, legend
+from radartwin.label.photos import load_textured
+from radartwin.label.surface_labels import VLM
 from radartwin.plotting import style
 from radartwin.radar.detection import Peaks
 from radartwin.radar.power_maps import PowerMaps
 from radartwin.radar.processing import decibels
 from radartwin.scene.scene import Scene
-from radartwin.scene.viewer.colouring import material_label
+from radartwin.scene.surface import Surface
+from radartwin.scene.things import LANDMARKS, things
+from radartwin.scene.viewer.colouring import surface_label
+from radartwin.scene.viewer.page import view
 from radartwin.simulation.origins import Origin
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.image import AxesImage
 
 PAGE = Path(__file__).with_name("page.html")
+STRIP = "demo.png"
 SHOWN_DB = 50.0  # powers further below the strongest echo are not shown
-BEYOND_M = 1.0  # range shown beyond the farthest peak
-# a peak has echoes of several surfaces if the power of its own surface differs from the power of all surfaces by at least this ratio
-MIXED_DB = 3.0
+BEYOND_M = (0.15, 0.8)  # distances shown to the sides of the room, and behind its far end
+MARKED = 12  # number of the strongest echoes that the pictures mark
+LABEL_M = 2.2  # width of the names on each side of the map, in metres of the map
+LONGER_M = 0.15  # an echo at a range of so much more than the farthest point of its surface took a longer way
+# A peak has echoes of several surfaces if the power of its own surface differs from the power of all surfaces by at least the first ratio.
+# Beyond the second ratio, the peak is not named by its surface.
+MIXED_DB, UNCLEAR_DB = 3.0, 10.0
 
 
 @dataclass(frozen=True)
-class Picture:
-    """The echoes of the recording: its power maps, its peaks from the strongest to the weakest, and the origin of each peak."""
+class Echoes:
+    """The echoes of a recording: its power maps, its peaks from the strongest to the weakest, and the origin of each peak.
+
+    `scene` has distinct names of the surfaces, and `pose` (4, 4) is the pose of the radar in it.
+    """
 
     maps: PowerMaps
     peaks: Peaks
     origins: list[Origin]
+    pose: np.ndarray
+    scene: Scene
+
+    @cached_property
+    def names(self) -> list[str]:
+        """What each peak comes from, such as "wall behind the sofa", with a note if the echo took a longer way than there and back."""
+        thing_of, out = dict(zip(self.scene.names, things(self.scene), strict=True)), []
+        meshes = {surface.name: surface.mesh for surface in self.scene}
+        for range_m, origin in zip(self.peaks.range_m, self.origins, strict=True):
+            if origin.surface not in meshes:
+                out.append("no surface")
+                continue
+            if abs(origin.level_db) > UNCLEAR_DB:
+                out.append("several things together")
+                continue
+            away = np.linalg.norm(np.asarray(meshes[origin.surface].vertices) - self.pose[:3, 3], axis=1).max()
+            out.append(f"{thing_of[origin.surface]}{' by a detour' if range_m > away + LONGER_M else ''}")
+        return out
 
 
-def write_page(path: Path, room: str, scene: Scene, picture: Picture) -> Path:
-    """Write the page atomically and return its path.
+def write_page(folder: Path, scene: Scene, echoes: Echoes) -> Path:
+    """Write the page, its pictures and the view of the room into a folder, and return the path of the page.
 
     Args:
-        room: the HTML page of the scene, as `radartwin.scene.viewer.page.view` writes it.
-        scene: the labelled scene, with distinct names of the surfaces.
+        scene: the labelled scene with the placed objects, with distinct names of the surfaces.
     """
     import matplotlib
 
-    with matplotlib.rc_context(style.style()):
-        drawing = io.StringIO()
-        draw(picture).savefig(drawing, format="svg", metadata={"Date": None})
-    echoes = drawing.getvalue()
-    parts = {
-        "<!--ROOM-->": html.escape(room, quote=True),
-        "<!--ECHOES-->": echoes[echoes.index("<svg") :],
-        "<!--ROWS-->": "\n".join(_rows(scene, picture)),
-    }
+    room = view(scene, folder / "scene" / "view.html", echoes.pose, title="The scan, coloured by material")
+    scan, strip = load_textured(folder / "scene"), io.BytesIO()
+    with matplotlib.rc_context({**style.style(), "axes.titlesize": 11, "legend.fontsize": 9}):
+        pictures = {"<!--PICTURES-->": draw_room(scene, scan), "<!--MAP-->": [draw_map(echoes)], "<!--PROFILE-->": [draw_profile(echoes)]}
+        parts = {mark: "\n".join(map(_svg, figures)) for mark, figures in pictures.items()}
+        draw_strip(scene, scan, echoes).savefig(strip, format="png", dpi=100)
+    parts |= {"<!--ROOM-->": html.escape(room.read_text(encoding="utf-8"), quote=True), "<!--ROWS-->": "\n".join(_rows(scene, echoes))}
     text = PAGE.read_text(encoding="utf-8")
     for mark, content in parts.items():
         text = text.replace(mark, content)
-    return files.write_atomically(path, text)
+    files.write_atomically(folder / STRIP, _fewer_colours(strip))
+    return files.write_atomically(folder / "index.html", text)
 
 
-def draw(picture: Picture) -> Figure:
-    """Draw the range profile, and the map of `draw_map`."""
-    import matplotlib
+def draw_room(scene: Scene, scan: Scene | None) -> list[Figure]:
+    """Draw the scan, and the materials of its surfaces in the same view with a legend, as two figures."""
+    figures, axes = zip(*(style.figure(width_in=4.6, height_in=5.1) for _ in range(2)), strict=True)
+    handles = _legend(draw_materials(axes, scene, scan, 600))
+    figures[1].legend(handles=handles, loc="outside lower center", ncols=4)
+    axes[0].set_anchor("N")
+    return list(figures)
 
-    maps, peaks = picture.maps, picture.peaks
-    in_view = _in_view(picture)
-    range_m, profile = maps.range_m[in_view], decibels(maps.range_time.mean(axis=0)[in_view])
-    with matplotlib.rc_context(style.style()):
-        figure, (left, right) = style.figure(1, 2, width_in=11.0, height_in=4.6)
-        left.plot(range_m, profile, lw=0.9)
-        left.set(xlabel="range (m)", ylabel="power (dB of transmitted power)", title="Range profile, mean of all channels")
-        left.set_xlim(0, range_m[-1])
-        for number, at_m in enumerate(peaks.range_m, 1):
-            level = float(np.interp(at_m, range_m, profile))
-            left.annotate(str(number), (at_m, level), xytext=(0, 4), textcoords="offset points", ha="center", fontsize=7)
-        image = draw_map(right, picture)
-        figure.colorbar(image, ax=right, label="power (dB of transmitted power)")
+
+def draw_strip(scene: Scene, scan: Scene | None, echoes: Echoes) -> Figure:
+    """Draw the scan, the materials and the map of the echoes side by side."""
+    figure, axes = style.figure(1, 3, width_in=15.0, height_in=4.4, width_ratios=(1, 1, 2.15))
+    handles = _legend(draw_materials(axes[:2], scene, scan, 600))
+    figure.legend(handles=handles, loc="outside lower left", ncols=7, handlelength=1.2, columnspacing=1.2)
+    _draw_map(axes[2], echoes)
     return figure
 
 
-def draw_map(axis: Axes, picture: Picture) -> AxesImage:
-    """Draw the power over range and azimuth, with a number at each peak and the name of its surface."""
-    maps, peaks, in_view = picture.maps, picture.peaks, _in_view(picture)
-    azimuth_deg, power = np.degrees(maps.azimuth_rad[::-1]), decibels(maps.range_azimuth[::-1][:, in_view])
+def draw_map(echoes: Echoes) -> Figure:
+    """Draw the range-azimuth map alone."""
+    figure, axis = style.figure(width_in=8.2, height_in=4.3)
+    _draw_map(axis, echoes)
+    return figure
+
+
+def draw_profile(echoes: Echoes) -> Figure:
+    """Draw the power over range with the numbers of the marked echoes."""
+    figure, axis = style.figure(width_in=8.2, height_in=2.5)
+    shown = echoes.maps.range_m <= _view_m(echoes)[1]
+    range_m, profile = echoes.maps.range_m[shown], decibels(echoes.maps.range_time.mean(axis=0)[shown])
+    axis.plot(range_m, profile, lw=0.9)
+    axis.set(xlabel="range (m)", ylabel="power (dB of\ntransmitted power)", title="power over range", xlim=(0, range_m[-1]))
+    for k in _marked(echoes):
+        level = float(np.interp(echoes.peaks.range_m[k], range_m, profile))
+        axis.annotate(str(k + 1), (echoes.peaks.range_m[k], level), xytext=(0, 4), textcoords="offset points", ha="center")
+    return figure
+
+
+def _draw_map(axis: Axes, echoes: Echoes) -> None:
+    """Draw the range-azimuth map from above, the radar at the bottom, over the outlines of the room, with the name of each echo."""
+    from matplotlib.patches import Rectangle
+
+    maps, (wide, far) = echoes.maps, _view_m(echoes)
+    shown = maps.range_m <= np.hypot(wide, far)
+    range_m, power = maps.range_m[shown], decibels(maps.range_azimuth[:, shown])
+    x, y = -np.outer(np.sin(maps.azimuth_rad), range_m), np.outer(np.cos(maps.azimuth_rad), range_m)
     top = float(power.max())
-    image = axis.imshow(
-        power.T, origin="lower", aspect="auto", interpolation="nearest", cmap=style.SEQUENTIAL, vmin=top - SHOWN_DB, vmax=top,
-        extent=(*_ends(azimuth_deg), *_ends(maps.range_m[in_view])),
-    )  # fmt: skip
-    axis.set(xlabel="azimuth (degrees), left positive", ylabel="range (m)", title="Range and azimuth")
-    for number, (at_m, angle, origin) in enumerate(zip(peaks.range_m, np.degrees(peaks.azimuth_rad), picture.origins, strict=True), 1):
-        axis.plot([angle], [at_m], "o", mfc="none", mec="white", ms=6, mew=0.9)
-        side = -1 if angle < -45 else 1  # the name must not leave the picture, in which negative angles are on the right
-        axis.annotate(
-            f"{number} {origin.surface}", (angle, at_m), xytext=(6 * side, 0), textcoords="offset points", color="white", fontsize=7,
-            va="center", ha="left" if side > 0 else "right",
-        )  # fmt: skip
-    return image
+    frame = Rectangle((-wide, 0), 2 * wide, far, fc="none", ec="none")
+    axis.add_patch(frame)
+    image = axis.pcolormesh(x, y, power, cmap=style.SEQUENTIAL, vmin=top - SHOWN_DB, vmax=top, shading="gouraud", rasterized=True)
+    angle = np.linspace(-np.pi / 2, np.pi / 2, 90)
+    arcs = [np.column_stack([at_m * np.sin(angle), at_m * np.cos(angle)]) for at_m in range(1, int(far) + 1)]
+    lines = [(line, 0.9, 0.9) for line in _outlines(echoes)] + [(arc, 0.4, 0.35) for arc in arcs]
+    for drawn in [image, *(axis.plot(*line.T, color="white", lw=width, alpha=alpha)[0] for line, width, alpha in lines)]:
+        drawn.set_clip_path(frame)
+    for thing, corners in _landmarks(echoes):
+        x, y = np.clip(corners, (-wide, 0), (wide, far)).mean(axis=0)
+        if corners[:, 1].max() > 0.2:
+            axis.text(
+                x,
+                corners[:, 1].min() + 0.12 if corners[:, 1].min() > 0 else y,
+                thing,
+                color="white",
+                alpha=0.9,
+                fontsize=7,
+                ha="center",
+                va="center",
+                style="italic",
+            )
+    for at_m in range(1, int(far) + 1):
+        axis.text(0.03, at_m, f"{at_m} m", color="white", alpha=0.8, fontsize=7, va="bottom")
+    axis.plot([0], [0.05], "^", color="white", ms=7, mec="black")
+    axis.set(xlim=(-wide - LABEL_M, wide + LABEL_M), ylim=(-0.05, far), aspect="equal", title="radar echoes, seen from above")
+    axis.set_axis_off()
+    azimuth, marked = echoes.peaks.azimuth_rad, _marked(echoes)
+    at = np.column_stack([-np.sin(azimuth), np.cos(azimuth)]) * echoes.peaks.range_m[:, None]
+    for side in (-1, 1):
+        column = sorted((k for k in marked if (at[k, 0] >= 0) == (side > 0)), key=lambda k: at[k, 1])
+        for height, k in zip(_apart(at[column, 1], 0.065 * far, 0.97 * far), column, strict=True):
+            axis.plot(*at[k], "o", mfc="none", mec="white", ms=6, mew=1.0)
+            axis.annotate(
+                f"{k + 1}  {echoes.names[k]}", at[k], xytext=(side * (wide + 0.08), height), va="center", fontsize=9,
+                ha="left" if side > 0 else "right",
+                arrowprops={"arrowstyle": "-", "lw": 0.6, "color": "#b0b0b0", "relpos": (float(side < 0), 0.5)},
+            )  # fmt: skip
 
 
-def draw_strip(scene: Scene, picture: Picture, camera: Camera) -> Figure:
-    """Draw three panels side by side: the scan in its own colours, the same view by material, and the map of `draw_map`."""
-    import matplotlib
-
-    with matplotlib.rc_context(style.style()):
-        figure, axes = style.figure(1, 3, width_in=11.0, height_in=3.9)
-        patches = draw_materials(scene, axes[:2], camera)
-        image = draw_map(axes[2], picture)
-        figure.colorbar(image, ax=axes[2], label="power (dB of transmitted power)")
-        figure.legend(handles=patches, loc="outside lower left", ncols=2, fontsize=6.5)
-    return figure
+def _view_m(echoes: Echoes) -> tuple[float, float]:
+    """Return half the width and the length in metres of the part of the map that is shown: the room ahead of the radar and a margin."""
+    corners = np.vstack(_outlines(echoes))
+    return float(np.abs(corners[:, 0]).max()) + BEYOND_M[0], float(corners[:, 1].max()) + BEYOND_M[1]
 
 
-def _in_view(picture: Picture) -> np.ndarray:
-    """Return which range bins the pictures show: those up to BEYOND_M behind the farthest peak."""
-    range_m, peaks = picture.maps.range_m, picture.peaks
-    return range_m <= (float(peaks.range_m.max()) + BEYOND_M if len(peaks) else np.inf)
+def _marked(echoes: Echoes) -> list[int]:
+    """Return the indices of the strongest echoes that lie in the shown part of the map."""
+    wide, far = _view_m(echoes)
+    sideways, ahead = (echoes.peaks.range_m * turn(echoes.peaks.azimuth_rad) for turn in (np.sin, np.cos))
+    return [k for k in range(len(echoes.names)) if abs(sideways[k]) < wide and ahead[k] < far][:MARKED]
 
 
-def _rows(scene: Scene, picture: Picture) -> list[str]:
+def _landmarks(echoes: Echoes) -> list[tuple[str, np.ndarray]]:
+    """Return name and outline (N, 2) of large furniture from above, in metres right and ahead of the radar."""
+    from scipy.spatial import ConvexHull
+
+    found = [(thing.category, _plan(surface, echoes.pose)) for surface, thing in zip(echoes.scene, things(echoes.scene), strict=True)]
+    return [(name, points[ConvexHull(points).vertices]) for name, points in found if name in LANDMARKS]
+
+
+def _outlines(echoes: Echoes) -> list[np.ndarray]:
+    """Return the outlines (N, 2) of walls and large furniture from above, in metres right and ahead of the radar."""
+    lines = [np.vstack([corners, corners[:1]]) for _, corners in _landmarks(echoes)]
+    for surface, thing in zip(echoes.scene, things(echoes.scene), strict=True):
+        points = _plan(surface, echoes.pose)
+        if thing.category.endswith("wall") and np.ptp(points, axis=0).max() > 1:
+            along = points @ np.linalg.eigh(np.cov(points.T))[1][:, -1]
+            lines.append(points[[along.argmin(), along.argmax()]])
+    return lines
+
+
+def _plan(surface: Surface, pose: np.ndarray) -> np.ndarray:
+    """Return the vertices (N, 2) of a surface from above, in metres right and ahead of the radar."""
+    local = (np.asarray(surface.mesh.vertices) - pose[:3, 3]) @ pose[:3, :3]
+    return np.column_stack([-local[:, 1], local[:, 0]])
+
+
+def _apart(heights: np.ndarray, step: float, highest: float) -> np.ndarray:
+    """Move ascending heights up until they are `step` apart, and down again where they would exceed `highest`."""
+    moved = np.array(heights, float)
+    for k in range(1, len(moved)):
+        moved[k] = max(moved[k], moved[k - 1] + step)
+    for k in range(len(moved) - 1, -1, -1):
+        moved[k] = min(moved[k], (moved[k + 1] if k + 1 < len(moved) else highest + step) - step)
+    return moved
+
+
+def _legend(categories: list[str]) -> list:
+    return legend({name: name for name in categories})
+
+
+def _svg(figure: Figure) -> str:
+    drawing = io.StringIO()
+    figure.savefig(drawing, format="svg", metadata={"Date": None})
+    return drawing.getvalue()[drawing.getvalue().index("<svg") :]
+
+
+def _fewer_colours(stream: io.BytesIO) -> bytes:
+    """Return a PNG with 256 colours, which has a third of the size."""
+    from PIL import Image
+
+    out = io.BytesIO()
+    Image.open(stream).convert("RGB").quantize(256, kmeans=3, dither=Image.Dither.NONE).save(out, "PNG", optimize=True)
+    return out.getvalue()
+
+
+def _rows(scene: Scene, echoes: Echoes) -> list[str]:
     """Return one row of HTML for each peak."""
-    surfaces, rows, peaks = {surface.name: surface for surface in scene}, [], picture.peaks
-    levels_db = decibels(peaks.power)
-    for number, origin in enumerate(picture.origins, 1):
-        index, surface = number - 1, surfaces.get(origin.surface)
-        cells = [str(number), f"{peaks.range_m[index]:.2f}", f"{np.degrees(peaks.azimuth_rad[index]):.0f}", f"{levels_db[index]:.0f}"]
-        if surface is None:
-            cells += ["no surface", "", "", ""]
+    surfaces, rows, levels_db = {surface.name: surface for surface in scene}, [], decibels(echoes.peaks.power)
+    for index, origin in enumerate(echoes.origins):
+        angle_deg = np.degrees(echoes.peaks.azimuth_rad[index])
+        cells = [str(index + 1), echoes.names[index], f"{echoes.peaks.range_m[index]:.2f}", f"{angle_deg:.0f}", f"{levels_db[index]:.0f}"]
+        surface = surfaces.get(origin.surface)
+        if surface is None or abs(origin.level_db) > UNCLEAR_DB:
+            cells += ["", "", ""]
         else:
             confidence = surface.provenance.get("confidence")
-            mixed = "one surface" if abs(origin.level_db) < MIXED_DB else "several surfaces"
+            mixed = "one thing" if abs(origin.level_db) < MIXED_DB else "several things"
             cells += [
-                surface.name,
-                str(surface.provenance.get("minc", "")) + (f" ({confidence:.0%})" if isinstance(confidence, float) else ""),
-                material_label(surface.material),
+                surface_label(surface),
+                f"{confidence:.0%}" if isinstance(confidence, float) and surface.provenance.get("source") == VLM else "given",
                 f"{round(origin.level_db, 1) + 0.0:+.1f} dB, {mixed}",
             ]
         rows.append("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells) + "</tr>")
     return rows
-
-
-def _ends(axis: np.ndarray) -> tuple[float, float]:
-    """Return the outer edges of the first and the last cell of an evenly spaced axis."""
-    half = (axis[1] - axis[0]) / 2
-    return float(axis[0] - half), float(axis[-1] + half)

@@ -25,8 +25,9 @@ from radartwin.scene.scene import Scene
 SHIPPED = Path(__file__).resolve().parent
 FORMAT, VERSION = "radartwin-answers", 1
 ANSWERS = "answers.json"  # name of the file with the recorded answers about one room
-CHAIR = "arkit_lidar_chair_scan"
-SCANS = {"sha256:aa3721d1a49ccb05": CHAIR, "sha256:fd3b6640d1bcd7d2": CHAIR}  # digests (`scan_of`) of the real scan's frames and mesh
+CHAIR, FURNISHED = "arkit_lidar_chair_scan", "cc0_furnished_room"
+# digests (`scan_of`) of real scans: frames and mesh of the chair, and the furnished room as `radartwin demo` ships it
+SCANS = {"sha256:aa3721d1a49ccb05": CHAIR, "sha256:fd3b6640d1bcd7d2": CHAIR, "sha256:bd5e325a38d3a170": FURNISHED}
 JOURNAL = Path("labels") / "answers.jsonl"  # path of the stored answers within a scene folder
 
 

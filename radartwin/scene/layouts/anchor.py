@@ -12,6 +12,7 @@ import trimesh
 from radartwin.errors import LayoutError
 from radartwin.scene.layouts.layout import SENSOR_NAMES
 from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.things import things
 
 # Words at the end of a surface name that denote a part of a larger object (table_top, table_legs).
 PARTS = {
@@ -60,7 +61,8 @@ def words(text: str) -> list[str]:
 
 
 def find(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> list[Anchor]:
-    """Find all anchors that `text` may mean: the surface with exactly this name, or else surfaces whose names contain all words of `text`.
+    """Find all anchors that `text` may mean: the surface with exactly this name, or else surfaces whose names contain all words of `text`,
+    or else the things of a scan (`radartwin.scene.things`) with this name, such as "sofa".
 
     Parts of the same object (table_left_top, table_left_legs) form a single anchor.
 
@@ -74,6 +76,9 @@ def find(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> list[Anchor
         return [_sensor(np.asarray(sensor_pose, dtype=np.float64).reshape(-1, 4, 4)[0])]
     same = [s for s in scene if s.name == text.strip()] or [s for s in scene if words(s.name) == wanted]
     matching = same or [s for s in scene if wanted and set(wanted) <= set(words(s.name))]
+    if not matching:
+        named = [(s, words(thing.category)) for s, thing in zip(scene, things(scene), strict=True)]
+        same = matching = [s for s, name in named if name == wanted] or [s for s, name in named if wanted and set(wanted) <= set(name)]
     if not matching:
         raise LayoutError(
             f"the scene has nothing called '{text}'; it has {', '.join(sorted(set(filter(None, scene.names)))) or 'no named surfaces'}"

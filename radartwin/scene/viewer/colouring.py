@@ -12,6 +12,9 @@ from PIL import ImageColor
 
 from radartwin.errors import MaterialError
 from radartwin.materials import Layered, reflection
+from radartwin.materials.distance import in_range
+from radartwin.materials.itu import STAND_INS
+from radartwin.scene.surface import Surface
 
 RGB = tuple[int, int, int]
 
@@ -33,6 +36,13 @@ COLOURS = {
     "pet": "#009e73",
     "hdpe": "#33c29a",
 }
+# Each colour resembles the material of its MINC category. The colours of categories that often touch in a room differ in lightness.
+CATEGORY_COLOURS = {
+    "brick": "#b5533c", "carpet": "#6a3d9a", "ceramic": "#c7e9f1", "fabric": "#cc79a7", "foliage": "#3a9d3a", "food": "#e6ab02",
+    "glass": "#56b4e9", "hair": "#4d2f12", "leather": "#7b3f00", "metal": "#3f4a54", "mirror": "#a6cee3", "other": "#ff00ff",
+    "painted": "#f1e8d2", "paper": "#e8c77a", "plastic": "#009e73", "polishedstone": "#b8a9c9", "skin": "#f2b9a0", "sky": "#9fd3ff",
+    "stone": "#9a9a92", "tile": "#8fd3c4", "wallpaper": "#f5b971", "water": "#0072b2", "wood": "#a8672f",
+}  # fmt: skip
 OTHER = "#cc79a7"
 BAND_HZ = (77e9, 81e9)  # the automotive radar band; a mean over this band averages out the interference fringes of a slab
 LOW_DB = -40.0  # lower end of the colour scale: a ten-thousandth of the power is reflected
@@ -49,8 +59,20 @@ def material_label(material: str | Layered) -> str:
     return stack if material.backing == "air" else f"{stack} on {material.backing}"
 
 
+def surface_label(surface: Surface) -> str:
+    """Return the material of a surface for readers: the labelled category, with the simulated material beside it if that is a substitute or
+    has another name, such as `fabric (simulated as wood 0.5 mm)`.
+    """
+    label, category = material_label(surface.material), surface.provenance.get("minc")
+    if label in STAND_INS and not in_range(label):
+        label = STAND_INS[label]
+    other = surface.provenance.get("stand_in") or str(category) not in label
+    return f"{category} (simulated as {label})" if category and other else material_label(surface.material)
+
+
 def material_colours(materials: Sequence[str | Layered]) -> dict[str, RGB]:
-    """Choose a colour for every distinct material, and return a dictionary from the display name of the material to its colour.
+    """Choose a colour for every distinct material, and return a dictionary from the display name of the material to its colour. A name from
+    `surface_label` counts as a material.
 
     Layered materials with the same outer layer have colours of different lightness.
     """
@@ -58,7 +80,9 @@ def material_colours(materials: Sequence[str | Layered]) -> dict[str, RGB]:
     colours = {}
     for label in sorted({material_label(m) for m in materials}):
         name = label.partition(" ")[0]  # name of the outermost material
-        colours[label] = _lighter(ImageColor.getrgb(COLOURS.get(name, OTHER)), (0, -0.13, 0.1, -0.22, 0.18)[counts[name] % 5])
+        colours[label] = _lighter(
+            ImageColor.getrgb({**CATEGORY_COLOURS, **COLOURS}.get(name, OTHER)), (0, -0.13, 0.1, -0.22, 0.18)[counts[name] % 5]
+        )
         counts[name] += 1
     return colours
 

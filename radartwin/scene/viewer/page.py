@@ -23,6 +23,7 @@ from radartwin.io.one_line import plural
 from radartwin.materials import Layered
 from radartwin.scene.scene import Scene
 from radartwin.scene.surface import Surface
+from radartwin.scene.things import things
 from radartwin.scene.viewer import colouring as colours
 from radartwin.scene.viewer.colouring import material_label
 from radartwin.scene.viewer.display_mesh import MAX_FACES, NO_COLOUR, pictures, thinned, vertex_colours, wall_planes
@@ -78,7 +79,8 @@ def describe(
     scanned = [vertex_colours(m) for m in meshes]
     if by == "colour" and all(c is None for c in scanned):
         raise SceneError("the scene has no colours of a scan; view it by material, segment or reflectivity")
-    labels = colours.material_colours([s.material for s in surfaces])
+    labels = [colours.surface_label(s) for s in surfaces]
+    colour_of = colours.material_colours(labels)
     levels = [colours.reflection_db(s.material, s.roughness_m) for s in surfaces]
     stops = colours.ramp()
     jpegs, coordinates = pictures(meshes)
@@ -88,13 +90,15 @@ def describe(
         "note": _note(scene, meshes, cell),
         "mode": by,
         "bounds": [low.tolist(), high.tolist()],
-        "materials": [{"label": label, "colour": colour} for label, colour in labels.items()],
+        "materials": [{"label": label, "colour": colour} for label, colour in colour_of.items()],
         "surfaces": [
-            _surface(s, index, wall, level, c is not None)
-            for index, (s, wall, level, c) in enumerate(zip(surfaces, wall_planes(surfaces), levels, scanned, strict=True))
+            _surface(s, str(thing) or f"surface {index}", wall, level, c is not None)
+            for index, (s, thing, wall, level, c) in enumerate(
+                zip(surfaces, things(scene), wall_planes(surfaces), levels, scanned, strict=True)
+            )
         ],
         "colours": {
-            "material": [labels[material_label(s.material)] for s in surfaces],
+            "material": [colour_of[label] for label in labels],
             "segment": colours.segment_colours([float(s.mesh.area) for s in surfaces]),
             "reflectivity": [colours.reflectivity_colour(level, stops) for level in levels],
         },
@@ -113,10 +117,9 @@ def describe(
     return content, _arrays(meshes, scanned, coordinates)
 
 
-def _surface(surface: Surface, index: int, wall: dict[str, list[float]] | None, level: float | None, scanned: bool) -> dict[str, Any]:
+def _surface(surface: Surface, name: str, wall: dict[str, list[float]] | None, level: float | None, scanned: bool) -> dict[str, Any]:
     mesh, provenance = surface.mesh, surface.provenance
-    name = surface.name or f"surface {index}"
-    facts = [["material", material_label(surface.material)], ["kind", surface.kind], ["area", f"{mesh.area:.3g} m²"]]
+    facts = [["material", colours.surface_label(surface)], ["kind", surface.kind], ["area", f"{mesh.area:.3g} m²"]]
     if isinstance(surface.material, Layered) and surface.material.layers:
         total = sum(thickness for _, thickness in surface.material.layers)
         facts.append(["layers", f"{len(surface.material.layers)}, {1000 * total:.4g} mm together"])
@@ -132,9 +135,11 @@ def _surface(surface: Surface, index: int, wall: dict[str, list[float]] | None, 
         facts.append(["category", str(category)])
     if (stand_in := provenance.get("stand_in")) is not None:
         facts.append(["substitute", ("yes: another material is used" if stand_in is True else str(stand_in)) if stand_in else "no"])
+    if surface.name not in ("", name):
+        facts.append(["segment", surface.name])
     return {
         "name": name,
-        "material": material_label(surface.material),
+        "material": colours.surface_label(surface),
         "area_m2": float(mesh.area),
         "reflection_db": level,
         "wall": wall,
