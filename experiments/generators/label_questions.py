@@ -87,7 +87,7 @@ def replace_answers(room: str, questions: Sequence[Question], answers: Path, mod
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Write the questions of the recorded answers and compare digests, or record new answers.")
-    parser.add_argument("room", choices=sorted({*shipped_rooms(), FURNISHED}))
+    parser.add_argument("room", choices=shipped_rooms())
     task = parser.add_mutually_exclusive_group(required=True)
     task.add_argument("--out", type=Path, help="folder for the questions and their pictures")
     task.add_argument("--answers", type=Path, help="file with new answers, one JSON object per line; needs --model and --about")

@@ -145,7 +145,7 @@ def textured_parts(path: Path, report: ScanReport) -> list[trimesh.Trimesh]:
     The list is empty if no mesh has a picture.
     """
     parts = list(read_meshes(path).values())
-    if not any(mesh.visual.kind == "texture" for mesh in parts):
+    if not any(getattr(mesh.visual, "kind", None) == "texture" for mesh in parts):
         return []
     transform = np.eye(4)
     transform[:3, :3], transform[:3, 3] = METRES[report.unit] * TO_Z_UP[report.up], -np.array(report.offset_m)

@@ -67,17 +67,11 @@ class _Shape:
         middle = np.average(mesh.triangles_center, axis=0, weights=np.maximum(area, 1e-12)) - lift
         upward = np.where(vertical > LEVEL, area, 0.0)
         top_m = float(np.average(mesh.triangles_center[:, 2], weights=upward)) - floor_m if upward.any() else 0.0
-        parts = (float(area[chosen].sum()) for chosen in (vertical > LEVEL, vertical < -LEVEL, abs(vertical) < UPRIGHT))
+        up, down, upright = (float(area[chosen].sum()) for chosen in (vertical > LEVEL, vertical < -LEVEL, abs(vertical) < UPRIGHT))
         flat = bool(np.linalg.norm(area @ mesh.face_normals) > 0.85 * area.sum())
-        return cls(
-            *(mesh.bounds - lift),
-            middle,
-            float(area.sum()),
-            *parts,
-            flat,
-            top_m,
-            trimesh.sample.sample_surface(mesh, POINTS, seed=0)[0][:, :2],
-        )
+        plan = trimesh.sample.sample_surface(mesh, POINTS, seed=0)[0][:, :2]
+        low, high = mesh.bounds - lift
+        return cls(low, high, middle, float(area.sum()), up, down, upright, flat, top_m, plan)
 
     @property
     def size(self) -> np.ndarray:
@@ -117,7 +111,7 @@ def things(scene: Scene) -> list[Thing]:
 def _category(surface: Surface, shape: _Shape, room: np.ndarray, floor_m: float, floor: Surface | None) -> str:
     """Return what a scanned surface is. `room` is the bounding box (2, 3) of the surfaces of the room in the scene's coordinates."""
     minc = surface.provenance.get("minc")
-    adjective = ADJECTIVES.get(minc, minc)
+    adjective = ADJECTIVES.get(minc, str(minc))
     if surface.name in ("floor", "ceiling"):
         return surface.name
     if shape.up > 0.5 * shape.area and shape.middle[2] < FLOOR_M:

@@ -12,7 +12,7 @@ from radartwin.scene.layouts.layout import Layout
 from radartwin.scene.layouts.place import furnish
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories import trajectory
-from radartwin.scene.viewer.colouring import material_colours
+from radartwin.scene.viewer.colouring import material_colours, surface_label
 from radartwin.scene.viewer.page import material_label, view
 
 WIDTH, HEIGHT, PANEL = 1280, 800, 330
@@ -59,7 +59,7 @@ def test_the_room_fills_the_window_and_the_console_is_silent(opened):
 
 def test_switching_the_colouring_changes_the_picture_with_its_legend_and_back(opened, lab):
     opened.click("#mode-material")
-    colours = material_colours([s.material for s in lab])
+    colours = material_colours([surface_label(s) for s in lab])
     assert legend(opened) == list(colours)
     swatches = opened.run("[...document.querySelectorAll('#legend .swatch')].map(n => getComputedStyle(n).backgroundColor)")
     assert swatches == [f"rgb({r}, {g}, {b})" for r, g, b in colours.values()]

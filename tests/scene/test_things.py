@@ -47,8 +47,8 @@ def room() -> Scene:
 def test_surfaces_of_a_scan_are_named_by_what_and_where_they_are(room):
     assert dict(zip(room.names, map(str, things(room)), strict=True)) == {
         "floor": "floor", "ceiling": "ceiling", "wall_1": "wall behind the sofa", "wall_2": "paper wall behind the cabinet",
-        "wall_3": "wall", "plane_1": "window", "level_1": "rug under the table", "plane_2": "sofa", "plane_3": "table", "plane_4": "cabinet",
-        "part_1": "small plastic object on the table", "part_2": "lamp",
+        "wall_3": "wall", "plane_1": "window", "level_1": "rug under the table", "plane_2": "sofa", "plane_3": "table",
+        "plane_4": "cabinet", "part_1": "small plastic object on the table", "part_2": "lamp",
     }  # fmt: skip
 
 

@@ -62,13 +62,13 @@ def test_the_page_needs_no_other_file_and_lists_surfaces_and_materials(tmp_path)
     assert "http" not in page.replace("http-equiv", "")
     assert "__" not in re.sub(r'<script type="text/plain".*?</script>', "", page, flags=re.S).replace("__proto__", "")
     assert [s["name"] for s in content["surfaces"]] == ["floor", "can", "pane"]
-    assert {m["label"] for m in content["materials"]} == {"concrete", "glass", "glass 4 mm | air 16 mm | glass 4 mm"}
+    assert {m["label"] for m in content["materials"]} == {"concrete", "ceramic (simulated as glass)", "glass 4 mm | air 16 mm | glass 4 mm"}
 
 
 def test_the_card_lists_the_facts_of_the_material():
     content, _ = describe(scene())
     facts = dict(content["surfaces"][1]["facts"])
-    assert facts["material"] == "glass"
+    assert facts["material"] == "ceramic (simulated as glass)"
     assert (facts["source"], facts["confidence"], facts["category"]) == ("vlm", "62%", "ceramic")
     assert facts["substitute"].startswith("yes")
     floor = dict(content["surfaces"][0]["facts"])

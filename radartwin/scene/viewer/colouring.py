@@ -60,14 +60,14 @@ def material_label(material: str | Layered) -> str:
 
 
 def surface_label(surface: Surface) -> str:
-    """Return the material of a surface for readers: the labelled category, with the simulated material beside it if that is a substitute or
-    has another name, such as `fabric (simulated as wood 0.5 mm)`.
+    """Return the material of a surface for readers. If a substitute is simulated, or if a vision-language model named the material, its
+    category comes first, such as `fabric (simulated as wood 0.5 mm)`.
     """
     label, category = material_label(surface.material), surface.provenance.get("minc")
-    if label in STAND_INS and not in_range(label):
-        label = STAND_INS[label]
-    other = surface.provenance.get("stand_in") or str(category) not in label
-    return f"{category} (simulated as {label})" if category and other else material_label(surface.material)
+    named = surface.provenance.get("source") == "vlm" and str(category) not in label
+    if not category or not (named or surface.provenance.get("stand_in")):
+        return label
+    return f"{category} (simulated as {STAND_INS[label] if label in STAND_INS and not in_range(label) else label})"
 
 
 def material_colours(materials: Sequence[str | Layered]) -> dict[str, RGB]:
