@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from experiments.generators.label_questions import answered, asked
+from radartwin.commands.demo import SCAN
 from radartwin.label.material_sources import Vlm
 from radartwin.label.questions import prompt_digest
-from radartwin.label.recorded import CHAIR, shipped, shipped_rooms
+from radartwin.label.recorded import CHAIR, FURNISHED, shipped, shipped_rooms
 from radartwin.label.surface_labels import write_labels
 from radartwin.materials.minc import CATEGORIES
 from radartwin.reconstruct.build import reconstruct
@@ -22,8 +23,8 @@ from radartwin.scene.scene import Scene
 @pytest.mark.parametrize("room", shipped_rooms())
 def test_recorded_answers_label_the_scan_and_the_manifest_round_trips(room: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
     folder = tmp_path / "scene"
-    if room == CHAIR:
-        reconstruct(request.getfixturevalue("shared_data") / "scans" / CHAIR / "export.obj", folder)
+    if room in (CHAIR, FURNISHED):
+        reconstruct(SCAN if room == FURNISHED else request.getfixturevalue("shared_data") / "scans" / CHAIR / "export.obj", folder)
     else:
         bare = [s.replaced(material="plasterboard", provenance={"scanned": True}) for s in rooms.room(room, detail="shell")]
         Scene(bare, {"scan_of": room}).save(folder)

@@ -76,13 +76,13 @@ def find(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> list[Anchor
         return [_sensor(np.asarray(sensor_pose, dtype=np.float64).reshape(-1, 4, 4)[0])]
     same = [s for s in scene if s.name == text.strip()] or [s for s in scene if words(s.name) == wanted]
     matching = same or [s for s in scene if wanted and set(wanted) <= set(words(s.name))]
+    known = set(scene.names)
+    if not matching and wanted:
+        named = [(s, thing.category) for s, thing in zip(scene, things(scene), strict=True)]
+        known |= {name for _, name in named}
+        same = matching = [s for s, name in named if words(name) == wanted] or [s for s, name in named if set(wanted) <= set(words(name))]
     if not matching:
-        named = [(s, words(thing.category)) for s, thing in zip(scene, things(scene), strict=True)]
-        same = matching = [s for s, name in named if name == wanted] or [s for s, name in named if wanted and set(wanted) <= set(name)]
-    if not matching:
-        raise LayoutError(
-            f"the scene has nothing called '{text}'; it has {', '.join(sorted(set(filter(None, scene.names)))) or 'no named surfaces'}"
-        )
+        raise LayoutError(f"the scene has nothing called '{text}'; it has {', '.join(sorted(filter(None, known))) or 'no named surfaces'}")
     groups: dict[str, list[Surface]] = {}
     for surface in matching:
         groups.setdefault(surface.name if same else _without_parts(surface.name), []).append(surface)
