@@ -170,20 +170,20 @@ class Drawing(Triangles):
 
 
 class _Texture:
-    """A texture of a mesh: image (h, w, 3) with values from 0 to 1, and texture coordinates (F, 3, 2) of the corners of every face."""
+    """A texture of a mesh: image (h, w, 3) uint8, and texture coordinates (F, 3, 2) of the corners of every face."""
 
     def __init__(self, image: np.ndarray, uv: np.ndarray) -> None:
         self._image, self._uv = image, uv
 
     def at(self, face: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Return the colours (N, 3) of the texels nearest to the points with barycentric coordinates `weights` (N, 3) on the faces `face`
-        (N,).
+        """Return the colours (N, 3), 0 to 1, of the texels nearest to the points with barycentric coordinates `weights` (N, 3) on the faces
+        `face` (N,).
         """
         height, width = self._image.shape[:2]
         u, v = np.einsum("nk,nkc->cn", weights, self._uv[face])
         column = np.minimum((np.mod(u, 1.0) * width).astype(int), width - 1)
         row = np.minimum((np.mod(1.0 - v, 1.0) * height).astype(int), height - 1)
-        return self._image[row, column]
+        return self._image[row, column].astype(np.float32) / 255
 
 
 def _appearance(mesh: trimesh.Trimesh) -> tuple[np.ndarray, _Texture | None, float]:
@@ -210,7 +210,7 @@ def _image(visual) -> np.ndarray | None:
     image = getattr(material, "baseColorTexture", None)
     if image is None:
         image = getattr(material, "image", None)
-    return None if image is None else np.asarray(image.convert("RGB"), np.float32) / 255
+    return None if image is None else np.asarray(image.convert("RGB"))
 
 
 @compiled
