@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+import warnings
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ from radartwin.config.compose import compose, path_override
 from radartwin.io import files
 from radartwin.io.one_line import plural
 from radartwin.label.labelling import LabelOptions, label_folder
+from radartwin.materials.itu import StandInWarning
 from radartwin.radar.detection import Peaks
 from radartwin.radar.power_maps import power_maps
 from radartwin.radar.process_capture import process_capture
@@ -58,6 +60,15 @@ class _Steps:
             print(flush=True)
 
 
+@contextlib.contextmanager
+def _substitutes_on_the_page() -> Iterator[None]:
+    """Leave out the warnings about substitutes, because the page names each substitute beside its material."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", StandInWarning)
+        yield
+
+
+@_substitutes_on_the_page()
 def demo(output: Path) -> Path:
     """Run the demonstration into the folder `output`/demo, and return the path of its page.
 
