@@ -49,7 +49,8 @@ def table_3() -> Iterator[list[str]]:
 
 def draw() -> None:
     """Run the demonstration and the Python example of README.md in a temporary folder, and copy a picture of each to docs/figures."""
-    from radartwin.commands.demo import STRIP, demo
+    from radartwin.commands.demo import demo
+    from radartwin.commands.demo.demo_page import STRIP
 
     (example,) = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
