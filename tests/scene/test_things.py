@@ -1,5 +1,7 @@
 """The things of a scanned room have names from their geometry and their material labels, and sentences can place objects on them."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 import trimesh
@@ -18,7 +20,7 @@ def sheet(origin, *sides):
     return trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False)
 
 
-def scanned(name: str, mesh: trimesh.Trimesh, minc: str | None, role="object", **label) -> Surface:
+def scanned(name: str, mesh: trimesh.Trimesh, minc: str | None, role: Any = "object", **label) -> Surface:
     return Surface(mesh, "wood", name, role=role, provenance={"segment": 0, "minc": minc, **label})
 
 
