@@ -44,7 +44,9 @@ GRAIN = 20_000  # smallest number of hits for which one thread runs `_place`
 SPARSE = 0.125
 # At a pose with more than AT_ONCE hits, pairs of legs are weak whose echo is at most WEAK times the smallest one that matters. Effect on
 # the signal of the scanned laboratory with a bookcase of 371 faces: 0.06 (half as many tubes for all pairs: 0.04). The bookcase has 8
-# million hits of 16 nodes there, 20 GB with their copies, and 2.2 million with fewer tubes for the weak pairs.
+# million hits of 16 nodes there, 20 GB with their copies, and 2.2 million with fewer tubes for the weak pairs. A body of 1.7 m that walks
+# through the furnished laboratory takes 4.5 s a frame instead of 13.3 s; the error of its signal against four times as many tubes rises
+# from 0.026 to 0.040.
 WEAK = 10.0
 BISTATIC = 4.0  # assumed largest ratio of an object's bistatic to its monostatic echo
 
@@ -105,8 +107,7 @@ def group_paths(
     traced = [(straight, hits if direct else Hits.none(len(group.table.frequencies_hz)), level if direct else level[:0])]
     floor = prune * most
     many = np.bincount(pairs.frame, minlength=frames) * per_pair * (direct_cell_m / coupled_cell_m) ** 2 > AT_ONCE
-    # Without `least`, the share of every pose is LEGS and no pair is weak.
-    weak = many[pairs.frame] & (share[pairs.frame] > LEGS) & (pairs.strength < WEAK * share[pairs.frame])
+    weak = many[pairs.frame] & (pairs.strength < WEAK * share[pairs.frame])
     wide_m = max(coupled_cell_m, radar.wavelength_m / float(np.sqrt(SPARSE)))
     for subset, width_m in ((pairs.where(~weak), coupled_cell_m), (pairs.where(weak), wide_m)):
         for block in subset.blocks(per_pair if body is not None else per_pair * (direct_cell_m / width_m) ** 2):
