@@ -1,6 +1,6 @@
 """Log the models, input data and machine load of a run to MLflow.
 
-Only this module and radartwin/runs/tracking.py import mlflow.
+Only this module, radartwin/runs/tracking.py and radartwin/runs/start_page.py import mlflow.
 """
 
 from __future__ import annotations

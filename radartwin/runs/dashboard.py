@@ -15,10 +15,10 @@ from pathlib import Path
 from radartwin.config.study import TrackingConfig
 from radartwin.errors import ConfigError, MissingError
 from radartwin.io.serving import HOST, STEP_S, free_port, ignore_signals
+from radartwin.runs.start_page import START
 from radartwin.runs.tracking import Tracker
 
 USUAL_PORT = 5000
-PAGE = "/#/experiments"  # URL path of the page on which MLflow lists the experiments
 THREADS = 40  # largest number of requests that the server answers at once (the default of AnyIO, which runs its threads)
 STARTS_WITHIN_S, ENDS_WITHIN_S = 120, 5
 
@@ -44,11 +44,9 @@ def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> 
         raise MissingError(f"{output}: no run is tracked in this folder; give the output folder of a run with --output")
     port = free_port(port, USUAL_PORT)
     tracker.prepare()
-    command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", tracker.uri, "--host", HOST]
-    command += ["--port", str(port), "--workers", "1", "--artifacts-destination", tracker.artifacts]
-    # By default MLflow starts seven more processes for language-model jobs, which RadarTwin does not use. Its 40 threads share 15
-    # connections to the database, and a request that gets no connection for 30 s fails. RadarTwin therefore gives the server one connection
-    # per thread.
+    command = [sys.executable, "-m", "radartwin.runs.start_page", tracker.uri, tracker.artifacts, HOST, str(port)]
+    # MLflow's 40 threads by default share 15 connections to the database, and a request that gets no connection for 30 s fails. RadarTwin
+    # therefore gives the server one connection per thread, and switches off jobs with language models.
     defaults = {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false", "MLFLOW_SQLALCHEMYSTORE_POOL_SIZE": str(THREADS)}
     environment = {**defaults, **os.environ}
     with contextlib.suppress(KeyboardInterrupt):
@@ -75,10 +73,10 @@ def _end(server: subprocess.Popen[bytes]) -> None:
 
 
 def _announce(server: subprocess.Popen[bytes], port: int) -> None:
-    """Print the address of the experiments page as soon as the MLflow server answers."""
+    """Print the address of the start page as soon as the MLflow server answers."""
     address, end = f"http://{HOST}:{port}", time.monotonic() + STARTS_WITHIN_S
     while server.poll() is None and time.monotonic() < end:
         with contextlib.suppress(OSError), urllib.request.urlopen(f"{address}/health", timeout=5):
-            print(f"dashboard: {address}{PAGE} (Ctrl-C ends it)", flush=True)
+            print(f"dashboard: {address}{START} (Ctrl-C ends it)", flush=True)
             return
         time.sleep(0.2)

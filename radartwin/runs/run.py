@@ -11,7 +11,7 @@ import json
 import os
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -49,13 +49,13 @@ def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Prog
     spec, entries = _identity(config)
     key = store.key(RUN, spec, entries)
     name, named = config.experiment.name or entries[0], naming(overrides)
-    title = ",".join(f"{k}={v}" for k, v in named.items()) or name
+    text = next(iter((experiment.__doc__ or "").strip().splitlines()), "")
 
     with products.counting() as counts, contextlib.ExitStack() as tracked:
         records: list[Record] = []
 
         def track() -> None:
-            records.append(tracked.enter_context(tracker.run(name, key, title, named)))
+            records.append(tracked.enter_context(tracker.run(name, key, _title(named) or name, named, text)))
 
         def build(folder: Path) -> None:
             track()
@@ -117,6 +117,15 @@ def naming(overrides: Sequence[str]) -> dict[str, str]:
     """Return the overrides that distinguish this run from other runs of the same table, as a mapping such as {"materials": "void"}."""
     pairs = (override.lstrip("+~").partition("=") for override in overrides)
     return {key: value for key, _, value in pairs if key.partition(".")[0].partition("/")[0] not in _UNNAMED}
+
+
+def _title(named: Mapping[str, str]) -> str:
+    """Return the values of the overrides as the name of a run. A number has the last word of its option before it.
+
+    >>> _title({"materials": "uniform", "simulator": "mitsuba", "trajectory.height_m": "1.5"})
+    'uniform, mitsuba, height_m 1.5'
+    """
+    return ", ".join(value if value[:1].isalpha() else f"{key.rpartition('.')[2]} {value}" for key, value in named.items())
 
 
 def summary(result: Result) -> str:

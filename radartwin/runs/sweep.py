@@ -42,6 +42,8 @@ def sweep(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
     extend_path(config_dirs)
     settings, _ = split(overrides)
     jobs, composer = combinations(settings), Composer(config_dirs)
+    common = set(jobs[0]).intersection(*jobs)
+    jobs = [sorted(job, key=common.__contains__) for job in jobs]  # the swept values come first in the names of the jobs
     configs = composed(jobs, composer)
     title = " ".join(override for override in settings if naming([override]))
     with Sweep(configs[0], jobs[0], ["-m", *overrides, *folders(config_dirs)], composer, title) as running:

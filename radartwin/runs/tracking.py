@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 DATABASE, ARTIFACTS = "mlflow.db", "mlflow-artifacts"
 KIND = {"mlflow.experimentKind": "custom_model_development"}  # with this tag, MLflow's experiment page opens on the table of runs
+DESCRIPTION = "mlflow.note.content"  # tag with the text that MLflow shows as the description of an experiment or run
+PARENT = "mlflow.parentRunId"  # tag with the id of the sweep's run
 PROCESS = "process"  # name of the tag that holds the host name and process id of the process that computes the run
 COMPARED = 100  # largest number of jobs in the comparison link of a sweep's parent run
 MAX_METRICS = 40  # largest number of metrics per run; a run has about thirty numbers, and its curves and tables are artifacts
@@ -80,7 +82,7 @@ class Tracker:
                 pass
 
     @contextlib.contextmanager
-    def run(self, table: str, key: str, name: str, params: Mapping[str, str]) -> Iterator[Record]:
+    def run(self, table: str, key: str, name: str, params: Mapping[str, str], text: str = "") -> Iterator[Record]:
         """Within the `with` block, track one run in MLflow. Yield the record that the caller fills with the data to log.
 
         If an error leaves the block, the MLflow run is marked as failed.
@@ -90,6 +92,7 @@ class Tracker:
             key: run key, stored as a tag. An unfinished MLflow run with the same key must have been killed, so it is marked as killed.
             name: beginning of the MLflow run's name; the first characters of the run key are appended.
             params: configuration values of the run that MLflow shows, by name.
+            text: description of the MLflow experiment.
         """
         record = Record()
         if self.off:
@@ -97,12 +100,14 @@ class Tracker:
             return
         with self._visit() as client:
             experiment_id = self._experiment(client, table)
+            if text:
+                client.set_experiment_tag(experiment_id, DESCRIPTION, text)
             for run in _of_key(client, experiment_id, key):
                 if run.info.status == "RUNNING":
                     client.set_terminated(run.info.run_id, "KILLED")
             tags = {**artifacts.tags(table, key), PROCESS: f"{socket.gethostname()}:{os.getpid()}"}
             if self.parent_run_id:
-                tags["mlflow.parentRunId"] = self.parent_run_id
+                tags[PARENT] = self.parent_run_id
             record.run_id = client.create_run(experiment_id, run_name=f"{name} {key[:8]}", tags=tags).info.run_id
         began, clock = int(time.time() * 1000), time.monotonic()
         status, error = "FINISHED", ""
@@ -143,9 +148,9 @@ class Tracker:
         try:
             with self._visit() as client:
                 experiment_id = client.get_run(run_id).info.experiment_id
-                children = client.search_runs([experiment_id], f"tags.`mlflow.parentRunId` = '{run_id}'", max_results=COMPARED)
+                children = client.search_runs([experiment_id], f"tags.`{PARENT}` = '{run_id}'", max_results=COMPARED)
                 if children:
-                    client.set_tag(run_id, "mlflow.note.content", artifacts.comparison(experiment_id, [c.info.run_id for c in children]))
+                    client.set_tag(run_id, DESCRIPTION, artifacts.comparison(experiment_id, [c.info.run_id for c in children]))
                 if table:
                     client.log_artifact(run_id, str(table))
                 client.set_terminated(run_id, status)
