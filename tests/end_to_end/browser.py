@@ -103,9 +103,18 @@ class Page:
 
     def click(self, selector: str) -> None:
         """Click the middle of an element when the element no longer moves and is not covered; then wait two frames for the page to draw."""
-        x, y = self._at_rest(selector)
+        self.click_at(*self._at_rest(selector))
+
+    def click_at(self, x: float, y: float) -> None:
         for kind in ("mousePressed", "mouseReleased"):
             self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+        self.settle()
+
+    def tap(self, x: float, y: float) -> None:
+        """Touch a point of the page with a finger."""
+        self.call("Emulation.setTouchEmulationEnabled", enabled=True)
+        self.call("Input.dispatchTouchEvent", type="touchStart", touchPoints=[{"x": x, "y": y}])
+        self.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
         self.settle()
 
     def _at_rest(self, selector: str) -> tuple[float, float]:

@@ -65,8 +65,3 @@ def drag_radar_left(page: browser.Page, camera: Any, position: np.ndarray, metre
     start = pixel(camera, grip)
     page.hover(*start)
     page.drag(start, pixel(camera, grip + np.array([0.0, metres, 0.0])))
-
-
-def click(page: browser.Page, place: tuple[float, float]) -> None:
-    for kind in ("mousePressed", "mouseReleased"):
-        page.call("Input.dispatchMouseEvent", type=kind, x=place[0], y=place[1], button="left", clickCount=1)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from live_page import answers, click, drag_radar_left, open_page, pixel, serving
+from live_page import answers, drag_radar_left, open_page, pixel, serving
 from processes import descendants, listening, runs, wait_until
 
 import radartwin as rt
@@ -158,7 +158,7 @@ def test_the_page_shows_the_room_the_answer_and_a_clicked_path(opened, live: Liv
         assert words in text
     page.screenshot("live-start")
     strongest = answer(live).paths[0]  # of the reflector; the click may also meet a path of the room behind it
-    click(page, pixel(camera, 0.5 * strongest.points[0] + 0.5 * strongest.points[1]))
+    page.click_at(*pixel(camera, 0.5 * strongest.points[0] + 0.5 * strongest.points[1]))
     page.until("/received over transmitted power\\s+range\\s+[25]\\.0/.test(document.body.innerText)", 20)
     page.screenshot("live-path")
     live.page.choose(0)

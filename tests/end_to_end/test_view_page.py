@@ -105,6 +105,16 @@ def test_the_card_describes_the_surface_under_the_pointer(opened, lab):
     opened.click("#view-overview")
 
 
+def test_a_click_shows_the_card_of_a_surface_and_a_drag_hides_it(opened):
+    opened.click("#view-top")
+    middle = ((WIDTH - PANEL) // 2, HEIGHT // 2)
+    opened.click_at(*middle)
+    assert not opened.run("document.querySelector('#card').hidden")
+    opened.drag(middle, (middle[0] + 60, middle[1]))
+    assert opened.run("document.querySelector('#card').hidden")
+    opened.click("#view-overview")
+
+
 def test_the_track_and_placed_objects_are_labelled_and_the_camera_moves(opened):
     labels = opened.run("[...document.querySelectorAll('#labels span')].map(n => n.textContent)")
     assert {"radar", "end, after 0.98 m", "corner_reflector", "x", "y", "z"} <= set(labels)
@@ -118,6 +128,23 @@ def test_the_track_and_placed_objects_are_labelled_and_the_camera_moves(opened):
     opened.click("#view-overview")
     assert changed(overview, picture(opened)) == 0
     assert opened.messages == []
+
+
+def test_a_phone_shows_the_scene_above_the_panel_and_the_card_after_a_tap(chromium, lab, tmp_path):
+    page = chromium()
+    page.open(view(lab, tmp_path / "lab.html"), 390, 844)
+    boxes = "['header', 'canvas', '#panel', 'footer'].map(s => document.querySelector(s).getBoundingClientRect())"
+    top, left, right = (page.run(f"{boxes}.map(b => b.{side})") for side in ("top", "left", "right"))
+    assert np.diff([*top, 844]).min() > 40, "one below the other"
+    assert top[2] - top[1] > 350
+    assert (left, right) == ([0] * 4, [390] * 4)
+    scene = np.abs(page.screenshot()[int(top[1]) : int(top[2])].astype(int) - PAPER).max(axis=2) > 12
+    assert np.ptp(np.nonzero(scene)[1]) > 0.7 * 390, "the room fills the width"
+    page.tap(195, 0.5 * (top[1] + top[2]))
+    assert "roughness" in page.run("document.querySelector('#card').innerText")
+    page.tap(5, top[1] + 5)
+    assert page.run("document.querySelector('#card').hidden")
+    assert page.messages == []
 
 
 def test_the_address_selects_the_first_colouring(chromium, lab, tmp_path):

@@ -166,6 +166,9 @@ def test_the_verb_draws_track_and_layout(tmp_path, capsys):
     assert content["mode"] == "reflectivity"
     assert content["radar"] == {"position": [1.0, 0.0, 0.4], "boresight": [1.0, 0.0, 0.0]}
     assert any(np.allclose(line["to"], [2, 0, 0.4]) for line in content["lines"])  # a metre along the boresight
+    sides = [np.array(line["to"]) - [1.0, 0.0, 0.4] for line in content["lines"] if np.allclose(line["from"], [1.0, 0.0, 0.4])]
+    azimuths = {round(float(np.degrees(np.arctan2(y, x)))) for x, y, _ in sides}
+    assert azimuths == {-50, 0, 50}, "the edges of the field of view, and the boresight"
     assert {"mug", "radar", "end, after 0.20 m"} <= {label["text"] for label in content["labels"]}
     assert not [s for s in Scene.load(folder) if s.name == "mug"]
 

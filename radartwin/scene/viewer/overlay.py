@@ -12,9 +12,10 @@ from radartwin.scene.viewer.colouring import RGB
 
 TRACK_RGB, BORESIGHT_RGB, GRID_RGB, LABEL_RGB = (194, 65, 12), (244, 164, 96), (168, 180, 192), (29, 39, 51)
 AXES_RGB = ((200, 40, 40), (30, 140, 60), (40, 80, 200))
-BORESIGHT_M = 1.0
+BORESIGHT_M, TIP_M = 1.0, 0.15  # lengths of the arrow along the boresight and of its tip
 FIELD_RAD = np.radians([50.0, 15.0])  # half the angular width of the drawn field of view, in azimuth and elevation
-PYRAMID_M = 0.25
+FIELD_M = 0.8  # range at which the drawn field of view ends
+ARC = np.linspace(-1, 1, 13)  # corners of its arcs, as shares of half the angular width
 MAX_TICKS = 25  # largest number of boresight directions drawn along the track
 
 
@@ -66,15 +67,23 @@ def overlay(scene: Scene, poses: np.ndarray | None) -> dict[str, Any]:
                 line(a, b, TRACK_RGB, 3.0)
         for k in np.unique(np.linspace(0, len(poses) - 1, min(len(poses), MAX_TICKS)).astype(int))[1:]:
             line(positions[k], positions[k] + 0.12 * poses[k, :3, 0], BORESIGHT_RGB, 2.0)
-        line(positions[0], positions[0] + BORESIGHT_M * first[:, 0], TRACK_RGB, 5.0)
-        across, up = np.tan(FIELD_RAD) * PYRAMID_M
-        corners = [first @ [PYRAMID_M, u * across, v * up] + positions[0] for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-        for k, edge in enumerate(corners):
-            line(positions[0], edge, TRACK_RGB, 2.0)
-            line(edge, corners[(k + 1) % 4], TRACK_RGB, 2.0)
-        label("radar", positions[0] + [0, 0, 0.1], TRACK_RGB)
+        tip = positions[0] + BORESIGHT_M * first[:, 0]
+        line(positions[0], tip, TRACK_RGB, 5.0)
+        for side in (-1, 1):  # the tip of the arrow, level with the radar's left and right
+            line(tip, tip + first @ [-TIP_M, side * TIP_M / 2, 0], TRACK_RGB, 5.0)
+        border = [*((u, -1) for u in ARC), *((u, 1) for u in ARC[::-1]), (-1, -1)]
+        edge = [positions[0] + first @ _direction(*(np.array(share) * FIELD_RAD)) for share in border]
+        for a, b in [*pairwise(edge), *((positions[0], edge[k]) for k in (0, len(ARC) - 1, len(ARC), -2))]:
+            line(a, b, TRACK_RGB, 2.0)
+        label("radar", positions[0] + [0, 0, 0.1] - 0.2 * first[:, 0], TRACK_RGB)
         length = float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
         if length > 0.05:
             label(f"end, after {length:.2f} m", positions[-1] + [0, 0, 0.1], TRACK_RGB)
     frame = [[float(x0), float(y0), float(low[2])], [float(x1), float(y1), float(high[2])]]
     return {"frame": frame, "lines": lines, "labels": labels, "radar": radar}
+
+
+def _direction(azimuth: float, elevation: float) -> np.ndarray:
+    """Return the vector (3,) of length FIELD_M in the radar's frame, for angles in radians."""
+    level = np.cos(elevation)
+    return FIELD_M * np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])

@@ -1,5 +1,6 @@
 // Connects data, camera, renderer, panel and pointer. "#mode=reflectivity" in the address selects the first colouring.
 
+const TAP_PX = 6; // a pointer that moves less far clicks or taps, and does not drag
 const scene = JSON.parse(document.getElementById("scene").textContent);
 
 function decoded(Kind, text) {
@@ -48,20 +49,20 @@ function start(pictures) {
   }
 
   function moveLabels() {
-    const width = innerWidth, height = innerHeight;
+    const { clientWidth: width, clientHeight: height, offsetTop } = canvas;
     for (const [k, label] of scene.labels.entries()) {
       const node = document.getElementById("labels").children[k];
       const [x, y, z] = camera.project(label.at);
       node.hidden = z > 1 || Math.abs(x) > 1.2 || Math.abs(y) > 1.1;
       node.style.left = `${((x * (1 - camera.shift) - camera.shift) * 0.5 + 0.5) * width}px`;
-      node.style.top = `${(0.5 - 0.5 * y) * height}px`;
+      node.style.top = `${offsetTop + (0.5 - 0.5 * y) * height}px`;
     }
   }
 
   function frame() {
     state.pending = false;
     const ratio = Math.min(devicePixelRatio || 1, 2);
-    renderer.resize(Math.round(innerWidth * ratio), Math.round(innerHeight * ratio));
+    renderer.resize(Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio));
     updateColours();
     renderer.draw(camera, state.cut, state.mode === "colour");
     moveLabels();
@@ -75,13 +76,13 @@ function start(pictures) {
   }
 
   function updateAspect() {
-    camera.aspect = innerWidth / innerHeight;
+    camera.aspect = canvas.clientWidth / canvas.clientHeight;
     camera.shift = innerWidth > 700 ? 314 / innerWidth : 0;
   }
 
   function surfaceAt(event) {
-    const ratio = canvas.width / innerWidth;
-    return scene.surfaces[renderer.pick(Math.round(event.clientX * ratio), Math.round(event.clientY * ratio))];
+    const ratio = canvas.width / canvas.clientWidth;
+    return scene.surfaces[renderer.pick(Math.round(event.clientX * ratio), Math.round((event.clientY - canvas.offsetTop) * ratio))];
   }
 
   function controls() {
@@ -110,21 +111,36 @@ function start(pictures) {
   }
 
   function pointer() {
-    let drag = null;
+    const down = new Map(); // positions of the pointers that are down, by their ids
+    let way = 0; // pixels that the pointers have moved since the first went down
     canvas.onpointerdown = (event) => {
-      drag = { x: event.clientX, y: event.clientY, pan: event.shiftKey || event.button !== 0 };
+      way = down.size ? Infinity : 0;
+      down.set(event.pointerId, [event.clientX, event.clientY, 0]);
       canvas.setPointerCapture(event.pointerId);
-      showCard(null);
     };
-    canvas.onpointerup = () => (drag = null);
+    canvas.onpointerup = (event) => {
+      down.delete(event.pointerId);
+      if (way < TAP_PX) showCard(surfaceAt(event), event.clientX, event.clientY);
+    };
+    canvas.onpointercancel = (event) => down.delete(event.pointerId);
     canvas.onpointermove = (event) => {
-      if (!drag) return showCard(surfaceAt(event), event.clientX, event.clientY);
-      const [dx, dy] = [event.clientX - drag.x, event.clientY - drag.y];
-      drag.pan ? camera.pan(dx, dy, innerHeight) : camera.turn(dx, dy);
-      Object.assign(drag, { x: event.clientX, y: event.clientY });
+      const last = down.get(event.pointerId);
+      if (!last) return showCard(surfaceAt(event), event.clientX, event.clientY);
+      const here = [event.clientX, event.clientY, 0];
+      const [dx, dy] = vec.sub(here, last);
+      down.set(event.pointerId, here);
+      way += Math.hypot(dx, dy);
+      if (way < TAP_PX) return;
+      showCard(null);
+      if (down.size > 1) {
+        const other = [...down].find(([id]) => id !== event.pointerId)[1];
+        camera.zoom(Math.hypot(...vec.sub(last, other)) / Math.max(Math.hypot(...vec.sub(here, other)), 1));
+        camera.pan(dx / 2, dy / 2, canvas.clientHeight);
+      } else if (event.shiftKey || event.buttons > 1) camera.pan(dx, dy, canvas.clientHeight);
+      else camera.turn(dx, dy);
       redraw();
     };
-    canvas.onpointerleave = () => showCard(null);
+    canvas.onpointerleave = (event) => event.pointerType === "mouse" && showCard(null); // a finger leaves when it is lifted
     canvas.oncontextmenu = (event) => event.preventDefault();
     canvas.ondblclick = (event) => {
       const surface = surfaceAt(event);

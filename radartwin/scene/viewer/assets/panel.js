@@ -103,6 +103,7 @@ function showCard(surface, x, y) {
   const facts = surface.facts.flatMap(([key, value]) => [element("dt", { textContent: key }),
     element("dd", { textContent: value, className: key === "substitute" && value !== "no" ? "stand-in" : "" })]);
   card.replaceChildren(element("h2", { textContent: surface.name }), element("dl", {}, ...facts));
+  card.style.left = "0"; // so that the edge of the window does not narrow the card
   card.style.left = `${Math.min(x + 16, innerWidth - card.offsetWidth - 8)}px`;
   card.style.top = `${Math.min(y + 16, innerHeight - card.offsetHeight - 8)}px`;
 }
