@@ -11,9 +11,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from radartwin.live.birds_eye import map_limits, map_picture
-from radartwin.live.echoes import SHOWN_PATHS, LivePath, Spectra
+from radartwin.live.echoes import FLOOR_DB, SHOWN_PATHS, LivePath, Spectra
 from radartwin.live.playback import Playback
-from radartwin.live.setting import MATERIALS, MAX_BOUNCES
+from radartwin.live.setting import MATERIALS, MAX_BOUNCES, RADAR
 from radartwin.live.tracing import LiveAnswer
 from radartwin.scene import objects
 from radartwin.scene.viewer.colouring import RGB
@@ -36,8 +36,11 @@ class Actions(Protocol):
     def ask(self) -> None: ...
     def change_materials(self) -> None: ...
     def add_object(self, name: str) -> None: ...
+    def remove_object(self, name: str) -> None: ...
     def reset(self) -> None: ...
-    def place_radar(self, position: np.ndarray, heading_deg: float) -> None: ...
+    def look_again(self, camera: Any) -> None: ...
+    def select(self, name: str) -> None: ...
+    def place(self, name: str, position: np.ndarray, heading_deg: float) -> None: ...
     def show_frame(self, frame: int) -> None: ...
     def draw(self) -> None: ...
     def choose(self, number: int | None) -> None: ...
@@ -73,9 +76,9 @@ class Controls:
         )  # fmt: skip
         self._caption = gui.add_html("", visible=playback is not None)
         self._farthest_m = farthest_m
+        self._add_paths()
         self._map = gui.add_image(map_picture(_empty(farthest_m), farthest_m), format="png")
         self._map_caption = gui.add_html("")
-        self._add_paths()
         if playback is not None:
             self._add_recording(playback)
         self._add_simulation()
@@ -107,10 +110,13 @@ class Controls:
     def show_working(self) -> None:
         self._status.content = _html("<b class='draft'>computing the first answer</b>, which takes some seconds")
 
-    def show_status(self, answer: LiveAnswer, count: int) -> None:
+    def show_status(self, answer: LiveAnswer, count: int, outside: bool) -> None:
         draft = "<b class='draft'>draft</b>, the complete answer follows when nothing moves"
         kind = "<b class='done'>complete</b>" if answer.complete else draft
-        self._status.content = _html(f"answer {count}: {kind} · {1000 * answer.seconds:.0f} ms · strongest paths: {len(answer.paths)}")
+        warning = "<br><b class='bad'>the radar is outside the room</b>" if outside else ""
+        self._status.content = _html(
+            f"answer {count}: {kind} · {1000 * answer.seconds:.0f} ms · strongest paths: {len(answer.paths)}{warning}"
+        )
 
     def fail(self, message: str) -> None:
         self._status.content = _html(f"<b class='bad'>not simulated:</b> {html.escape(message)}")
@@ -134,6 +140,9 @@ class Controls:
     def show_map(self, spectra: Spectra) -> None:
         self._map.image = map_picture(spectra, self._farthest_m)
         top = map_limits(spectra, self._farthest_m)[1]
+        if spectra.map_db.max() <= FLOOR_DB:
+            self._map_caption.content = _html("<b>no echoes:</b> no path leads back to the radar")
+            return
         self._map_caption.content = _html(
             f"map from above: 0 dB is {top:.0f} dB of the transmitted power; lines in the room: paths in the same colours, 0 dB is the "
             "strongest path"
@@ -145,10 +154,14 @@ class Controls:
         self._path.value = NO_PATH if path_number is None else self._options[path_number]
         self._card.content = _html(f"<table>{card}</table>" if card else "click a path in the room, or choose one here")
 
-    def show_pose(self, pose: np.ndarray) -> None:
-        """Show the place of the radar after a drag."""
+    def show_things(self, names: Sequence[str], name: str, pose: np.ndarray) -> None:
+        """Offer the radar and the objects in the list of things, and show the place of one of them."""
+        if self._thing.options != tuple(names):
+            self._thing.options = tuple(names)
+        self._thing.value = name
         self._position.value = tuple(float(v) for v in np.round(pose[:3, 3], 3))
         self._heading.value = round(float(np.degrees(np.arctan2(pose[1, 0], pose[0, 0]))), 1)
+        self._remove.disabled = name == RADAR
 
     def _add_paths(self) -> None:
         self._options: list[str] = []
@@ -172,15 +185,24 @@ class Controls:
 
     def _add_places(self) -> None:
         with self._gui.add_folder("places"):
-            self._position = self._gui.add_vector3("radar x, y, z (m)", (0.0, 0.0, 0.0), step=0.01)
-            self._heading = self._gui.add_number("heading (degrees)", 0.0, step=1.0, hint="of the boresight, from +x to the left")
-            added = self._gui.add_dropdown("object", tuple(objects.catalogue()))
+            self._thing = self._gui.add_dropdown("radar or object", (RADAR,))
+            self._position = self._gui.add_vector3("x, y, z (m)", (0.0, 0.0, 0.0), step=0.01)
+            self._heading = self._gui.add_number("heading (degrees)", 0.0, step=1.0, hint="of the boresight or x axis, from +x to the left")
+            self._remove = self._gui.add_button("remove the object", disabled=True)
+            added = self._gui.add_dropdown("new object", tuple(objects.catalogue()))
             self._gui.add_button("add the object").on_click(lambda _: self._actions.add_object(added.value))
             self._gui.add_button("move all back to the start").on_click(lambda _: self._actions.reset())
+            self._gui.add_button("show the first view").on_click(lambda event: self._actions.look_again(event.client.camera))
+        self._remove.on_click(lambda _: self._actions.remove_object(self._thing.value))
 
         def typed(event) -> None:
             if event.client is not None:
-                self._actions.place_radar(np.array(self._position.value), float(self._heading.value))
+                self._actions.place(self._thing.value, np.array(self._position.value), float(self._heading.value))
+
+        @self._thing.on_update
+        def _(event) -> None:
+            if event.client is not None:
+                self._actions.select(self._thing.value)
 
         self._position.on_update(typed)
         self._heading.on_update(typed)

@@ -26,6 +26,10 @@ SHOWN_PATHS = 30  # number of paths in an answer
 TOUCHING_M = 0.003  # a point this near to two surfaces lies on both, at the edge where they meet
 NEAR_SURFACE_M = 0.05  # a point farther than this from every surface lies on none
 
+CLICK_RAD = 0.02  # a click within this angle of a path chooses it; about 12 pixels
+TOGETHER_RAD = 0.003  # paths within this angle of the nearest to a click run together
+LEG_POINTS = 200  # points of each leg of a path that are compared with a click
+
 
 @dataclass(frozen=True, eq=False)
 class Spectra:
@@ -78,6 +82,25 @@ def spectra(iq: np.ndarray, radar: Radar) -> Spectra:
     maps = power_maps(iq[None], radar)
     profile_db, map_db = (np.maximum(decibels(power), FLOOR_DB) for power in (maps.range_time.mean(axis=0), maps.range_azimuth))
     return Spectra(maps.range_m, maps.azimuth_rad, profile_db, map_db)
+
+
+def path_at(paths: Sequence[LivePath], eye: np.ndarray, direction: np.ndarray) -> int | None:
+    """Return the number of the path nearest to a view ray, or None if every path is more than CLICK_RAD from the ray.
+
+    If several paths run together, the strongest is returned.
+
+    Args:
+        paths: strongest first. eye: origin (3,) of the ray. direction: unit vector (3,) of the ray.
+    """
+    share = np.linspace(0, 1, LEG_POINTS)[:, None, None]
+    angles = []
+    for path in paths:
+        away = (path.points[:-1] + share * np.diff(path.points, axis=0)).reshape(-1, 3) - eye
+        cosine = away @ direction / np.maximum(np.linalg.norm(away, axis=1), 1e-9)
+        angles.append(float(np.arccos(np.clip(cosine.max(), -1, 1))))
+    if not angles or min(angles) > CLICK_RAD:
+        return None
+    return int(np.argmax(np.array(angles) < min(angles) + TOGETHER_RAD))
 
 
 def strongest_paths(traced: Traced, radar: Radar, sensor_pose: np.ndarray) -> list[LivePath]:
@@ -186,6 +209,11 @@ def _db(amplitude: float) -> float:
 
 
 def span_db(values: Sequence[float] | np.ndarray, dynamic_db: float) -> tuple[float, float]:
-    """Return the limits of a level scale: the largest value, rounded up to 5 dB, and `dynamic_db` below it."""
+    """Return the limits of a level scale: the largest value, rounded up to 5 dB, and `dynamic_db` below it.
+
+    Without echoes, the scale begins at FLOOR_DB, so that FLOOR_DB has the darkest colour.
+    """
+    if len(values) and np.max(values) <= FLOOR_DB:
+        return FLOOR_DB, FLOOR_DB + dynamic_db
     top = 5 * float(np.ceil((np.max(values) if len(values) else 0.0) / 5))
     return top - dynamic_db, top

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from radartwin.live.controls import PROFILE_DYNAMIC_DB, Controls
-from radartwin.live.echoes import LivePath, span_db, surfaces_at
+from radartwin.live.echoes import LivePath, path_at, span_db, surfaces_at
 from radartwin.live.playback import Playback, shifted_db
-from radartwin.live.setting import LiveSetting, Movable, Rooms, free_name, split
+from radartwin.live.setting import RADAR, LiveSetting, Movable, Rooms, free_name, split
 from radartwin.live.stage import Stage
 from radartwin.live.tracing import LiveAnswer, LiveTracer
 from radartwin.scene import objects
@@ -60,14 +60,15 @@ class Page:
         self._farthest_m = float(np.clip(np.ceil(extent), 3.0, tracer.radar.unambiguous_range_m))
         self.controls = Controls(server, self, playback, self._farthest_m)
         self.controls.legend(self._stage.colours)
-        self.controls.show_pose(start)
+        self.controls.show_things([RADAR, *self._movables], RADAR, start)
 
     @property
     def setting(self) -> LiveSetting:
         """Return the setting that the page shows now."""
         controls = self.controls
-        poses = {name: self._stage.pose(name) for name in self._movables}
-        return LiveSetting(self._stage.pose("radar"), poses, controls.materials, controls.bounces)
+        with self._lock:
+            poses = {name: self._stage.pose(name) for name in self._movables}
+        return LiveSetting(self._stage.pose(RADAR), poses, controls.materials, controls.bounces)
 
     @property
     def answer(self) -> LiveAnswer | None:
@@ -82,42 +83,64 @@ class Page:
         with self._lock, self._server.atomic():
             self._stage.show_room(self._rooms.with_materials(self.controls.materials), list(self._movables.values()))
             self.controls.legend(self._stage.colours)
-        self._changed()
+        self.ask()
 
     def add_object(self, name: str) -> None:
         """Put an object of the catalogue in front of the radar, turned towards the radar."""
         entry = objects.entry(name)
-        radar = self._stage.pose("radar")
+        radar = self._stage.pose(RADAR)
         place = radar.copy()
         place[:3, :3] = radar[:3, :3] @ np.diag([-1.0, -1.0, 1.0])
         place[:3, 3] = radar[:3, 3] + BEFORE_RADAR_M * radar[:3, 0] - entry.aim_m * radar[:3, 2]
         with self._lock:
-            free = free_name(name, ["radar", *self._movables])
+            free = free_name(name, [RADAR, *self._movables])
             movable = Movable(free, entry.surfaces(name=free), place)
             self._tracer.add(movable)
             self._stage.add_object(movable)
             self._movables = {**self._movables, free: movable}  # another thread may be reading the old dictionary
             self.controls.legend(self._stage.colours)
-        self._changed()
+        self._changed(free)
+
+    def remove_object(self, name: str) -> None:
+        with self._lock:
+            if name not in self._movables:
+                return
+            self._movables = {other: movable for other, movable in self._movables.items() if other != name}
+            self._stage.remove(name)
+        self._changed(RADAR)
 
     def reset(self) -> None:
         """Put the radar and all objects back to the places at which they started."""
         with self._lock, self._server.atomic():
-            self._stage.place("radar", self._start)
+            self._stage.place(RADAR, self._start)
             for name, movable in self._movables.items():
                 self._stage.place(name, movable.pose)
-        self._changed()
+        self._changed(RADAR)
 
-    def place_radar(self, position: np.ndarray, heading_deg: float) -> None:
-        """Move the radar to a position (3,) in metres, level, with its boresight at `heading_deg` from +x to the left."""
-        angle = np.radians(heading_deg)
-        rotation = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
-        self.move_radar(pose(position, rotation))
+    def look_again(self, camera: Any) -> None:
+        self._stage.look_again(camera)
+
+    def select(self, name: str) -> None:
+        """Show the place of the radar or of an object."""
+        with self._lock:
+            self.controls.show_things([RADAR, *self._movables], name, self._stage.pose(name))
+
+    def place(self, name: str, position: np.ndarray, heading_deg: float) -> None:
+        """Move the radar or an object to a position (3,) in metres, with its x axis at `heading_deg` from +x to the left.
+
+        Its tilt does not change.
+        """
+        with self._lock:
+            rotation = self._stage.pose(name)[:3, :3]
+            angle = np.radians(heading_deg) - np.arctan2(rotation[1, 0], rotation[0, 0])
+            turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+            self._stage.place(name, pose(position, turn @ rotation))
+        self._changed(name)
 
     def move_radar(self, radar_pose: np.ndarray) -> None:
         """Move the radar to a sensor-to-world pose (4, 4), as a drag does."""
-        self._stage.place("radar", radar_pose)
-        self._changed()
+        self._stage.place(RADAR, radar_pose)
+        self._changed(RADAR)
 
     def show_frame(self, frame: int) -> None:
         """Show a frame of the recording, and move the radar to its recorded pose."""
@@ -145,15 +168,19 @@ class Page:
         with self._lock:
             self._draw()
 
-    def _changed(self) -> None:
-        self.controls.show_pose(self._stage.pose("radar"))
+    def _changed(self, name: str) -> None:
+        self.select(name)
         self.ask()
 
-    def _clicked(self, number: int) -> None:
-        self.choose(None if self._path_number == number else number)
+    def _clicked(self, eye: np.ndarray, direction: np.ndarray) -> None:
+        with self._lock:
+            paths = self._answer.paths[: self.controls.paths] if self._answer else []
+            number = path_at(paths, eye, direction)
+            if number is not None:
+                self.choose(None if self._path_number == number else number)
 
     def choose(self, number: int | None) -> None:
-        """Choose a path, or none. A late click, on a path that is not in the present answer, has no effect."""
+        """Choose a path, or none. A late choice of a path that is not in the present answer has no effect."""
         with self._lock:
             count = len(self._answer.paths) if self._answer else 0
             if number != self._path_number and (number is None or number < count):
@@ -183,7 +210,7 @@ class Page:
             self.controls.caption(caption)
             self._stage.show_paths(paths, path_number)
             self.controls.show_paths(paths, path_number, self._card(paths, path_number, answer))
-            self.controls.show_status(answer, self._count)
+            self.controls.show_status(answer, self._count, self._stage.outside(answer.setting.radar_pose[:3, 3]))
         self._server.flush()
 
     def _card(self, paths: list[LivePath], path_number: int | None, answer: LiveAnswer) -> str:

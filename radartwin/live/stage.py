@@ -33,21 +33,24 @@ class Stage:
 
     Args:
         server: viser server.
-        moved: function that is called after the user has dragged the radar or an object.
-        clicked: function that receives the number of a clicked path.
+        moved: function that receives the name of the radar or of an object after the user has dragged it.
+        clicked: function that receives the origin (3,) and the direction (3,) of the view ray of a click.
     """
 
-    def __init__(self, server: Any, moved: Callable[[], object], clicked: Callable[[int], object]) -> None:
-        self._server, self._moved, self._clicked = server, moved, clicked
+    def __init__(self, server: Any, moved: Callable[[str], object], clicked: Callable[[np.ndarray, np.ndarray], object]) -> None:
+        self._server, self._moved = server, moved
         self._gizmos: dict[str, Any] = {}
         self._room: list[Any] = []
         self._paths: list[Any] = []
+        self._walls: list[dict[str, list[float]]] = []
+        self._number = 0
         self.colours: dict[str, RGB] = {}
         # even light, so that a surface has about the colour of its material in the legend, and edges between walls stay visible
         server.scene.configure_default_lights(False)
         server.scene.configure_environment_map(None)
         server.scene.add_light_ambient("/light/all", intensity=AMBIENT)
         server.scene.add_light_directional("/light/sun", intensity=SUN, position=(0.5, -0.8, 1.6), cast_shadow=False)
+        server.scene.on_click()(lambda event: clicked(np.array(event.ray_origin), np.array(event.ray_direction)))
 
     def look(self, room: Scene, radar_pose: np.ndarray) -> None:
         """Set the first view: from above, behind and beside the radar, with the room in the middle of the picture."""
@@ -55,10 +58,20 @@ class Stage:
         middle, size = (low + high) / 2, float(np.linalg.norm((high - low)[:2]))
         ahead = np.array([*radar_pose[:2, 0], 0.0])
         ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-9)
-        camera = self._server.initial_camera
-        camera.position = middle - 0.55 * size * ahead + 0.3 * size * np.cross(ahead, [0, 0, 1]) + np.array([0, 0, 0.6 * size])
-        camera.look_at = middle - np.array([0, 0, 0.1 * size])
-        camera.up = np.array([0.0, 0.0, 1.0])
+        initial = self._server.initial_camera
+        initial.position = middle - 0.55 * size * ahead + 0.3 * size * np.cross(ahead, [0, 0, 1]) + np.array([0, 0, 0.6 * size])
+        initial.look_at = middle - np.array([0, 0, 0.1 * size])
+        initial.up = np.array([0.0, 0.0, 1.0])
+
+    def look_again(self, camera: Any) -> None:
+        """Give the camera of a viser client the first view."""
+        initial = self._server.initial_camera
+        camera.up, camera.position, camera.look_at = initial.up, initial.position, initial.look_at
+
+    def outside(self, position: np.ndarray) -> bool:
+        """Return whether a position (3,) lies behind a wall of the room. Fewer than four walls bound no room."""
+        behind = [np.dot(wall["normal"], position - wall["point"]) < 0 for wall in self._walls]
+        return len(behind) >= 4 and any(behind)
 
     def show_room(self, room: Scene, movables: Sequence[Movable]) -> None:
         """Draw the room coloured by material. Walls show their inner side only, so that the room is open to a view from outside."""
@@ -67,7 +80,9 @@ class Stage:
         self._room = []
         self.colours = material_colours([s.material for s in (*room, *(s for m in movables for s in m.surfaces))])
         meshes, _ = thinned([s.mesh for s in room], MAX_FACES)
-        for index, (surface, mesh, plane) in enumerate(zip(room, meshes, wall_planes(room.surfaces), strict=True)):
+        planes = wall_planes(room.surfaces)
+        self._walls = [plane for plane in planes if plane is not None] or self._walls  # a radar without room stands where the room was
+        for index, (surface, mesh, plane) in enumerate(zip(room, meshes, planes, strict=True)):
             faces = np.asarray(mesh.faces)
             if plane is not None:
                 faces = _facing(mesh, np.array(plane["normal"]))
@@ -93,6 +108,10 @@ class Stage:
         high = max(float(s.mesh.bounds[1, 2]) for s in movable.surfaces)
         self._server.scene.add_label(f"{gizmo.name}/label", movable.name, position=(0, 0, high + 0.06))
 
+    def remove(self, name: str) -> None:
+        """Remove an object."""
+        self._gizmos.pop(name).remove()
+
     def pose(self, name: str) -> np.ndarray:
         """Return the pose (4, 4) of the radar (name "radar") or of an object."""
         gizmo = self._gizmos[name]
@@ -117,7 +136,6 @@ class Stage:
                 handle.vertices, handle.faces, handle.color, handle.visible = vertices, faces, colour, True
                 continue
             handle = scene.add_mesh_simple(f"/paths/{index}", vertices, faces, color=colour, cast_shadow=False, receive_shadow=False)
-            handle.on_click(lambda _, number=index: self._clicked(number))
             self._paths.append(handle)
         for handle in self._paths[len(paths) :]:
             handle.visible = False
@@ -131,10 +149,11 @@ class Stage:
     def _gizmo(self, name: str, pose: np.ndarray, scale: float) -> Any:
         # The control has a number instead of the object's name, because viser would read some names as paths.
         gizmo = self._server.scene.add_transform_controls(
-            f"/moved/{len(self._gizmos)}", scale=scale, line_width=2.5, depth_test=False, opacity=0.7,
+            f"/moved/{self._number}", scale=scale, line_width=2.5, depth_test=False, opacity=0.7,
             wxyz=quaternion(pose[:3, :3]), position=pose[:3, 3],
         )  # fmt: skip
-        gizmo.on_update(lambda _: self._moved())
+        gizmo.on_update(lambda _: self._moved(name))
+        self._number += 1
         self._gizmos[name] = gizmo
         return gizmo
 

@@ -46,7 +46,7 @@ def serving(output: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
     assert server.stdout is not None
     try:
         line = next((line for line in server.stdout if "dashboard:" in line), "")
-        found = re.search(r"(http://127\.0\.0\.1:\d+)/#/experiments ", line)
+        found = re.search(r"(http://127\.0\.0\.1:\d+)/start ", line)
         assert found, "the server stopped before it answered"
         yield found[1], server
     finally:
@@ -104,8 +104,10 @@ def test_the_dashboard_shows_the_runs_of_the_output_folder_at_a_free_port_until_
             assert "mlflow" in ask(address).lower()
             assert listening(port) == {"127.0.0.1"}
             # request of a foreign web page whose host name resolves to this machine
-            with pytest.raises(urllib.error.HTTPError, match="403"):
-                ask(address, {"Host": "attacker.example"})
+            for page in (address, f"{address}/start"):
+                with pytest.raises(urllib.error.HTTPError, match="403"):
+                    ask(page, {"Host": "attacker.example"})
+            assert re.search(r"#/experiments/\d+/runs\">environment</a>", ask(f"{address}/start"))
             (run,) = runs_of(address)
             assert [(m["key"], m["value"]) for m in run["data"]["metrics"]] == [("correlation_2m", 0.42)]
             assert_ends(command, signal.SIGINT, port)
@@ -121,9 +123,9 @@ def test_other_signals_end_the_server_too(tmp_path: Path, number: signal.Signals
 def record(tracker: Tracker, number: int, artifacts: Path, table: str = "environment") -> str:
     """Track a run in the same way as the runner, with parameters, metrics, a table, input data and pictures."""
     source = MATERIALS[number % len(MATERIALS)]
-    params = {"materials": source, "seed": str(number)}
-    with tracker.run(table, f"{number:032x}", f"materials={source},seed={number}", params) as run:
-        run.metrics = {"correlation_2m": 0.1 * (number % 10), "correlation_1m": 0.5}
+    params = {"profile": "quick", "materials": source, "seed": str(number)}
+    with tracker.run(table, f"{number:032x}", f"{source}, seed {number}", params, "Does the room matter?") as run:
+        run.metrics = {"correlation_2m": 0.1 * (number % 10), "correlation_1m": 0.5, "samples": 3.0, "angle": 1.0}
         run.artifacts = [artifacts]
         run.rows = [{"distance_m": 2.0, "metric": "correlation", "value": 0.1 * (number % 10), "verdict": "holds"}]
         run.inputs = {"campaign": [f"{number % 3:032x}"]}
@@ -164,6 +166,25 @@ def visit(page: browser.Page, url: str, *words: str, seconds: float = 150) -> No
 
 def _shows(words: Sequence[str]) -> str:
     return " && ".join(f"document.body.innerText.includes({json.dumps(word)})" for word in words)
+
+
+@pytest.mark.slow
+def test_the_start_page_opens_the_runs_of_a_sweep_in_a_new_browser(chromium, sweep) -> None:
+    output, _, _ = sweep
+    with serving(output) as (address, _):
+        page = chromium()
+        visit(page, f"{address}/start", "environment", "Does the room matter?", "materials, seed, correlation_2m, correlation_1m, samples")
+        page.screenshot("start")
+        page.click("a[href$='/runs']")
+        page.until(_shows(("4 matching runs", *(f"{source}, seed {number} 00000000" for number, source in enumerate(MATERIALS)))), 150)
+        page.screenshot("start-runs")
+        text = page.run("document.body.innerText")
+        heads = ["Run Name", "Created", "Parameters", "Metrics", "Duration", "materials", "seed"]
+        assert [line for line in text.splitlines() if line in heads] == heads
+        for column, shown in {"correlation_2m": True, "samples": True, "angle": False, "profile": False, "Source": False}.items():
+            assert (f"\n{column}\n" in text) is shown, column
+        assert page.run("document.querySelector('[data-assistant-ui] textarea') === null"), "the assistant is closed"
+        assert page.run("localStorage.getItem('mlflow.workflowType_v1')") == '"machine_learning"'
 
 
 @pytest.mark.slow

@@ -34,7 +34,7 @@ def output(tmp_path_factory: pytest.TempPathFactory) -> Path:
     tracker = Tracker(TrackingConfig(), folder)
     artifact = folder / "result.json"
     artifact.write_text("{}")
-    with tracker.run("environment", "a" * 32, "materials=void", {"materials": "void"}) as record:
+    with tracker.run("environment", "a" * 32, "void", {"materials": "void"}, "The room.") as record:
         record.metrics = {"correlation_2m": 0.42}
         record.artifacts = [artifact]
         record.inputs = {"campaign": ["d" * 32, "e" * 32], "recordings": ["f" * 64]}
@@ -50,7 +50,7 @@ def output(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_run_is_recorded_with_its_metrics_tags_artifacts_and_digests_of_its_input(output: Path) -> None:
-    ((run_id, status, artifacts),) = query(output, "SELECT run_uuid, status, artifact_uri FROM runs WHERE name = 'materials=void aaaaaaaa'")
+    ((run_id, status, artifacts),) = query(output, "SELECT run_uuid, status, artifact_uri FROM runs WHERE name = 'void aaaaaaaa'")
     assert status == "FINISHED"
     assert query(output, f"SELECT key, value FROM metrics WHERE run_uuid = '{run_id}'") == [("correlation_2m", 0.42)]
     assert query(output, f"SELECT key, value FROM params WHERE run_uuid = '{run_id}'") == [("materials", "void")]
@@ -62,6 +62,7 @@ def test_a_run_is_recorded_with_its_metrics_tags_artifacts_and_digests_of_its_in
     both = hashlib.sha256(f"{'d' * 32} {'e' * 32}".encode()).hexdigest()[:32]
     rows = query(output, "SELECT name, digest, dataset_profile FROM datasets ORDER BY name")
     assert rows == [("campaign", both, '{"products": 2}'), ("recordings", "f" * 32, '{"products": 1}')]
+    assert query(output, "SELECT value FROM experiment_tags WHERE key = 'mlflow.note.content'") == [("The room.",)]
     assert query(output, "SELECT DISTINCT destination_id FROM inputs") == [(run_id,)]
 
 

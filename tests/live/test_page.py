@@ -19,7 +19,7 @@ from radartwin.live.live_page import Page
 from radartwin.live.playback import Playback
 from radartwin.live.setting import split
 from radartwin.live.tracing import LiveTracer
-from radartwin.scene import objects
+from radartwin.scene import objects, rooms
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import pose
 
@@ -57,11 +57,57 @@ def test_a_click_on_a_path_of_an_older_answer_has_no_effect(server: Any) -> None
     answer = tracer.answer(page.setting)
     page.show(replace(answer, paths=[answer.paths[0]] * 8))
     page.show(few := replace(answer, paths=answer.paths[:1]))
-    page._clicked(5)
+    page.choose(5)
     page.show(few)
-    page._clicked(0)
-    page.show(few)
-    assert page._path_number == 0
+    assert page._path_number is None
+
+
+def test_a_click_beside_a_path_chooses_it_and_another_click_drops_it(server: Any) -> None:
+    page, tracer = opened(server, reflectors("target"))
+    answer = tracer.answer(page.setting)
+    page.show(replace(answer, paths=answer.paths[:1]))
+    eye, middle = np.array([1.0, -3.0, 1.0]), np.array([1.0, 0.0, 0.0])
+    for away, chosen in ((0.3, None), (0.04, 0), (-0.04, None)):  # 0.02 rad are 6 cm here
+        ray = middle + np.array([0, 0, away]) - eye
+        page._clicked(eye, ray / np.linalg.norm(ray))
+        assert page._path_number == chosen
+
+
+def test_objects_are_placed_by_numbers_and_removed(server: Any) -> None:
+    page, tracer = opened(server, reflectors("a", "b"))
+    page.place("b", np.array([1.0, 2.0, 0.5]), 90.0)
+    placed = page.setting.object_poses["b"]
+    assert np.allclose(placed, pose([1.0, 2.0, 0.5], np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])))
+    page.add_object("mug")
+    assert set(page.setting.object_poses) == {"a", "b", "mug"}
+    page.remove_object("a")
+    page.remove_object("mug")
+    assert page.controls._thing.options == ("radar", "b")
+    assert [path.owner for path in tracer.answer(page.setting).paths][:1] == ["b"]
+    page.add_object("mug")
+    assert set(page.setting.object_poses) == {"b", "mug"}
+
+
+def test_without_echoes_the_map_is_dark_and_says_so(server: Any) -> None:
+    page, tracer = opened(server, reflectors("target"))
+    page.show(tracer.answer(page.setting))
+    page.remove_object("target")
+    page.show(tracer.answer(page.setting))
+    assert "no echoes" in page.controls._map_caption.content
+    sector = page.controls._map.image[:, :430].astype(int)  # without the bar of colours
+    assert not (sector[..., 1] > sector[..., 2] + 60).any(), "no green or yellow"
+    assert page.controls._profile.scales["y"]["range"] == (-200.0, -130.0)
+
+
+@pytest.mark.parametrize("name", ["atrium", "lab", "squash_court"])
+def test_a_radar_outside_the_room_is_warned_of(server: Any, name: str) -> None:
+    room = rooms.room(name)
+    page = Page(server, room, pose([1.0, 1.0, 1.0]), LiveTracer(split(room)[0], RADAR), Mock())
+    low, high = room.bounds
+    assert not page._stage.outside((low + high) / 2)
+    for axis in range(3):
+        for side in (low, high):
+            assert page._stage.outside(np.where(np.arange(3) == axis, side + (side - (low + high) / 2), (low + high) / 2))
 
 
 def test_a_recording_that_is_stopped_and_started_again_plays_at_its_frame_rate(server: Any) -> None:
