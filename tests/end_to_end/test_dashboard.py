@@ -116,6 +116,7 @@ def test_the_dashboard_shows_the_runs_of_the_output_folder_at_a_free_port_until_
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_other_signals_end_the_server_too(tmp_path: Path, number: signal.Signals) -> None:
+    Tracker(TrackingConfig(), tmp_path).prepare()
     with serving(tmp_path) as (address, command):
         assert_ends(command, number, int(address.rpartition(":")[2]))
 
@@ -126,19 +127,19 @@ def record(tracker: Tracker, number: int, artifacts: Path, table: str = "environ
     params = {"profile": "quick", "materials": source, "seed": str(number)}
     with tracker.run(table, f"{number:032x}", f"{source}, seed {number}", params, "Does the room matter?") as run:
         run.metrics = {"correlation_2m": 0.1 * (number % 10), "correlation_1m": 0.5, "samples": 3.0, "angle": 1.0}
-        run.artifacts = [artifacts]
-        run.rows = [{"distance_m": 2.0, "metric": "correlation", "value": 0.1 * (number % 10), "verdict": "holds"}]
+        run.artifacts = [artifacts, artifacts.with_name("table.csv")]
         run.inputs = {"campaign": [f"{number % 3:032x}"]}
     return run.run_id
 
 
 @pytest.fixture(scope="module")
 def figures(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder that contains a few figures."""
+    """Return a folder that contains a few figures, with a table beside it."""
     folder = tmp_path_factory.mktemp("product") / "figures"
     figure, axes = style.figure()
     axes.plot(np.linspace(0, 1, 50), np.linspace(0, 1, 50) ** 2)
     style.save(figure, folder / "curve")
+    folder.with_name("table.csv").write_text("distance_m,metric,value,verdict\n2.0,correlation,0.1,holds\n")
     return folder
 
 
@@ -217,7 +218,7 @@ def test_pages_show_experiments_a_run_with_its_picture_and_the_jobs_of_a_sweep(c
 def test_a_tracking_server_holds_a_sweep_of_another_folder(inside, here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a cluster, the jobs reach MLflow's store and its artifacts only over HTTP; the test reproduces this situation."""
     arguments, own = own_experiment.write(here / "mine")
-    (here / "served").mkdir()
+    Tracker(TrackingConfig(), here / "served").prepare()
     with serving(here / "served") as (address, _):
         monkeypatch.setenv("OWN_EXPERIMENT", own["OWN_EXPERIMENT"])
         done = inside(*arguments, "-m", "seed=0,1", "--output", here / "out", f"tracking.uri={address}")

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from live_page import answers, drag_radar_left, open_page, pixel, serving
+from live_page import HEIGHT, answers, drag_radar_left, open_page, pixel, serving
 from processes import descendants, listening, runs, wait_until
 
 import radartwin as rt
@@ -158,12 +158,19 @@ def test_the_page_shows_the_room_the_answer_and_a_clicked_path(opened, live: Liv
         assert words in text
     page.screenshot("live-start")
     strongest = answer(live).paths[0]  # of the reflector; the click may also meet a path of the room behind it
-    page.click_at(*pixel(camera, 0.5 * strongest.points[0] + 0.5 * strongest.points[1]))
+    x, y = pixel(camera, 0.5 * strongest.points[0] + 0.5 * strongest.points[1])
+    page.click_at(x + 5, y - 5)
     page.until("/received over transmitted power\\s+range\\s+[25]\\.0/.test(document.body.innerText)", 20)
+    assert page.run("document.querySelector('.uplot').getBoundingClientRect().top") > 0, "the profile stays in view"
+    assert page.run("[...document.querySelectorAll('th')].find(h => h.innerText === 'surfaces').getBoundingClientRect().bottom") < HEIGHT
     page.screenshot("live-path")
     live.page.choose(0)
     page.until("/surfaces\\s+target/.test(document.body.innerText)", 20)
     live.page.choose(None)
+    first = camera.position.copy()
+    camera.position = first + np.array([1.0, 0.0, 0.0])
+    page.run("[...document.querySelectorAll('button')].find(button => button.innerText === 'show the first view').click()")
+    wait_until(lambda: np.allclose(camera.position, first, atol=1e-3), 20)
     assert not [line for line in page.messages if line.startswith("exception")]
 
 
