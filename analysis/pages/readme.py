@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import contextlib
 import re
+import subprocess
+import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -54,7 +56,7 @@ def draw() -> None:
 
     (example,) = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
-        exec(compile(example, str(PAGE), "exec"), {"__name__": "__main__"})
+        subprocess.run([sys.executable, "-"], input=example, text=True, check=True)
         pictures = {
             "demo": demo(Path("outputs")).with_name(STRIP),
             "first_lines": Path("outputs/processed/room/range_azimuth.png"),
