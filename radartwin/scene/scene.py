@@ -77,8 +77,8 @@ class Scene:
     def placed(self, poses: np.ndarray, source: str) -> np.ndarray:
         """Return poses (..., 4, 4) in the coordinates of this scene.
 
-        A scan far from its origin was moved by `offset_m` of the provenance. Poses in the old coordinates of the scan, which are then
-        nearer to the room if they move too, are moved.
+        A scan far from its origin was moved by `offset_m` of the provenance. Of the given poses and the poses moved by the same offset, the
+        function returns those that are nearer to the room.
 
         Args:
             source: name of the poses in the error message.

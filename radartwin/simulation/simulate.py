@@ -67,8 +67,8 @@ def simulate(
         rays_per_wavelength2: number of ray tubes per square wavelength on objects.
         variant: Mitsuba variant that traces the tubes: "llvm" (CPU), "cuda" (GPU), or "auto" (GPU if the computer has one).
         simulator: the name of a simulator, or the result of `backend(name, ...)`, which has more settings (`TraceSettings`), such as the
-            spacing of the positions at which a moving radar traces the paths between objects and room. Only the simulator "mitsuba" reads
-            max_bounces, rays, rays_per_wavelength2 and variant.
+            spacing of the positions at which a moving radar traces the paths between objects and room. Other simulators than "mitsuba"
+            refuse a changed value of max_bounces, rays, rays_per_wavelength2 or variant; give these to `backend(name, ...)`.
         elements: "exact" computes the path length to each antenna element. "planar" assumes plane waves across the antenna array.
         out: path without suffix under which the recording is saved (see `Recording.save`), so that a long recording needs no more memory
             than a short one. The samples `iq` of the returned recording are then a memory-mapped file without a name, which takes 8 bytes
