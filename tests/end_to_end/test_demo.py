@@ -13,7 +13,7 @@ from radartwin.commands import demo
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.reconstruct.build import FACE_SURFACES_FILE
 from radartwin.scene.scene import Scene
-from radartwin.scene.things import things
+from radartwin.scene.thing_names import things
 
 
 def test_the_shipped_scan_is_below_one_megabyte() -> None:

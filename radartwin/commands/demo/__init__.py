@@ -29,7 +29,7 @@ from radartwin.radar.power_maps import power_maps
 from radartwin.radar.process_capture import process_capture
 from radartwin.reconstruct.build import reconstruct
 from radartwin.scene.scene import Scene
-from radartwin.scene.things import things
+from radartwin.scene.thing_names import things
 from radartwin.simulation.compile_ahead import compiling
 from radartwin.simulation.origins import echo_origins
 

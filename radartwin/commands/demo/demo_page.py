@@ -23,7 +23,7 @@ from radartwin.radar.power_maps import PowerMaps
 from radartwin.radar.processing import decibels
 from radartwin.scene.scene import Scene
 from radartwin.scene.surface import Surface
-from radartwin.scene.things import LANDMARKS, things
+from radartwin.scene.thing_names import LANDMARKS, things
 from radartwin.scene.viewer.colouring import surface_label
 from radartwin.scene.viewer.page import view
 from radartwin.simulation.origins import Origin

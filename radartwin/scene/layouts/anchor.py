@@ -12,7 +12,7 @@ import trimesh
 from radartwin.errors import LayoutError
 from radartwin.scene.layouts.layout import SENSOR_NAMES
 from radartwin.scene.scene import Scene, Surface
-from radartwin.scene.things import things
+from radartwin.scene.thing_names import things
 
 # Words at the end of a surface name that denote a part of a larger object (table_top, table_legs).
 PARTS = {
@@ -62,7 +62,7 @@ def words(text: str) -> list[str]:
 
 def find(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> list[Anchor]:
     """Find all anchors that `text` may mean: the surface with exactly this name, or else surfaces whose names contain all words of `text`,
-    or else the things of a scan (`radartwin.scene.things`) with this name, such as "sofa".
+    or else the things of a scan (`radartwin.scene.thing_names`) with this name, such as "sofa".
 
     Parts of the same object (table_left_top, table_left_legs) form a single anchor.
 

@@ -23,7 +23,7 @@ The following text is an example of an object layout file, in YAML:
         up: y                        # its upward axis: z (default) or y
         on: table
 
-An object is placed relative to an anchor, which is a surface, a thing of a scan such as "sofa" (`radartwin.scene.things`), an earlier
+An object is placed relative to an anchor, which is a surface, a thing of a scan such as "sofa" (`radartwin.scene.thing_names`), an earlier
 object, or the sensor. Relations describe directions in the plane
 of the floor. *In front of* means from the front side of the anchor into the room. The front of furniture is the side towards the middle of
 the room, and the front of the sensor is its boresight. *Behind* is the direction opposite to *in front of*. *Left* and *right* are as seen

@@ -23,7 +23,7 @@ from radartwin.io.one_line import plural
 from radartwin.materials import Layered
 from radartwin.scene.scene import Scene
 from radartwin.scene.surface import Surface
-from radartwin.scene.things import things
+from radartwin.scene.thing_names import things
 from radartwin.scene.viewer import colouring as colours
 from radartwin.scene.viewer.colouring import material_label
 from radartwin.scene.viewer.display_mesh import MAX_FACES, NO_COLOUR, pictures, thinned, vertex_colours, wall_planes

@@ -10,7 +10,7 @@ from radartwin.scene import objects
 from radartwin.scene.layouts.grammar import parse
 from radartwin.scene.layouts.place import furnish
 from radartwin.scene.scene import Scene, Surface
-from radartwin.scene.things import things
+from radartwin.scene.thing_names import things
 from radartwin.scene.viewer.colouring import surface_label
 from radartwin.scene.viewer.page import describe
 
