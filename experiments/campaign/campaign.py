@@ -18,7 +18,7 @@ from typing import Any
 from experiments.campaign import packed, tally, truth, twin
 from experiments.campaign.cases import COMPARED, DOMAINS, MEASURED, ROVER, TWIN, VOID, Case, Log, log, planned
 from experiments.campaign.recorded import Recorded
-from experiments.campaign.schedule import RecordingTask, Schedule
+from experiments.campaign.schedule import CALL_S, RecordingTask, Schedule
 from experiments.campaign.turned import Turned
 from radartwin.config.config import Config
 from radartwin.config.materials import MaterialsConfig, VoidMaterials
@@ -197,13 +197,18 @@ def make_together(
     if not (tasks or calls):
         return
     count = workers.worker_count(jobs, len(tasks) + len(calls))
-    schedule, ahead = Schedule(tasks), iter(calls)
+    schedule, ahead = Schedule(tasks), list(reversed(calls))
 
     def next_call(worker: int) -> Call | None:
-        task = None if (call := next(ahead, None)) else schedule.next_task(worker)
-        return (_make, task) if task else call
+        if ahead:
+            return ahead.pop()
+        task = schedule.next_task(worker)
+        return (_make, task) if task else None
 
-    with progress.task("recordings", len(tasks) + len(calls)) as made:
+    def remaining() -> float:
+        return schedule.remaining() + CALL_S * len(ahead)
+
+    with progress.task("recordings", len(tasks) + len(calls), remaining) as made:
         if count > 1:
             workers.run(_called, next_call, lambda _: made(), count, fresh)
         else:

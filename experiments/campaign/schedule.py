@@ -12,11 +12,19 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.campaign.cases import ROVER, Case
+from experiments.campaign.cases import MEASURED, ROVER, TWIN, Case
 from experiments.scans import virtual_scan
 from radartwin.config.config import Config
 
 Track = tuple[str, str, str, str, int]  # name of the set-up, domain, room, motion, draw
+# Processor time in seconds of a track's first recording, which includes the set-up, and of each further one, in the quick profile on
+# 2026-11-29 (two busy cores of an Intel Xeon). Only the ratios count, for the order of the tracks and the remaining time.
+SECONDS = {
+    (MEASURED, "bench"): (37.0, 6.7), (MEASURED, "depth"): (35.0, 7.8), (MEASURED, "lateral"): (55.0, 7.5),
+    (TWIN, "bench"): (30.0, 1.2), (TWIN, "depth"): (95.0, 4.2), (TWIN, "lateral"): (18.0, 4.7),
+}  # fmt: skip
+OTHERS = 1.0, 1.0
+CALL_S = 5.0  # the same time of a further simulation
 
 
 @dataclass(frozen=True)
@@ -38,6 +46,7 @@ class Schedule:
         configs: list[Config] = []
         self.tracks: dict[Track, list[RecordingTask]] = defaultdict(list)
         self._of_worker: dict[int, Track] = {}
+        self._begun: set[Track] = set()
         for task in tasks:
             if task.config not in configs:
                 configs.append(task.config)
@@ -53,7 +62,7 @@ class Schedule:
         A worker first receives recordings along its own track (radar path in a room), then recordings along a track that no other worker
         has. The first worker that needs the simulated phone scan of a room computes the scan, while all other workers that need the same
         scan wait. Tracks of the simulation whose room is not shipped, which need a scan, therefore come first. A track that may have to
-        wait for the scan of another worker comes last. Among tracks of equal priority, the track with the most recordings comes first.
+        wait for the scan of another worker comes last. Among tracks of equal priority, the track that takes the longest comes first.
         """
         last = self._of_worker.pop(worker, None)
         tracks = [track for track, tasks in self.tracks.items() if tasks]
@@ -61,11 +70,21 @@ class Schedule:
             return None
         taken = list(self._of_worker.values())
 
-        def rank(track: Track) -> tuple[bool, bool, bool, bool, int]:
+        def rank(track: Track) -> tuple[bool, bool, bool, bool, float]:
             config = self.tracks[track][0].config
             scanned = track[1] == "twin" and not virtual_scan.ships(track[2], config.measured.gap.geometry, config.seed)
             waits = scanned and any(track[1:3] == other[1:3] for other in taken)
-            return track != last, track in taken, waits, not scanned, -len(self.tracks[track])
+            return track != last, track in taken, waits, not scanned, -self._seconds(track)
 
         track = self._of_worker[worker] = min(tracks, key=rank)
+        self._begun.add(track)
         return self.tracks[track].pop(0)
+
+    def remaining(self) -> float:
+        """Return the expected processor time in seconds of the recordings that no worker has received."""
+        return sum(map(self._seconds, self.tracks))
+
+    def _seconds(self, track: Track) -> float:
+        first, further = SECONDS.get((track[1], track[3]), OTHERS)
+        left = len(self.tracks[track])
+        return further * left + (first - further if left and track not in self._begun else 0.0)

@@ -42,22 +42,25 @@ class Progress:
                 advance()
 
     @contextlib.contextmanager
-    def task(self, label: str, total: int | None = None) -> Iterator[Callable[[], None]]:
+    def task(self, label: str, total: int | None = None, remaining: Callable[[], float] | None = None) -> Iterator[Callable[[], None]]:
         """Show the progress of work with `total` steps. The `with` block gets a function that the caller must call after each step of the
         work.
+
+        Args:
+            remaining: returns the remaining work in any unit, for the estimate of the remaining time; None: all steps take the same time.
         """
         if self._quiet:
             yield lambda: None
         elif self._terminal:
-            with _bar(f"{self._label}{label}", total) as advance:
+            with _bar(f"{self._label}{label}", total, remaining) as advance:
                 yield advance
         else:
-            with self._lines(label, total) as advance:
+            with self._lines(label, total, remaining) as advance:
                 yield advance
 
     @contextlib.contextmanager
-    def _lines(self, label: str, total: int | None) -> Iterator[Callable[[], None]]:
-        done, started = 0, time.monotonic()
+    def _lines(self, label: str, total: int | None, remaining: Callable[[], float] | None) -> Iterator[Callable[[], None]]:
+        done, started, work = 0, time.monotonic(), remaining() if remaining else 0.0
         last = started
 
         def advance() -> None:
@@ -65,8 +68,9 @@ class Progress:
             done += 1
             if time.monotonic() - last >= PLAIN_INTERVAL_S:
                 last = time.monotonic()
-                left = f"/{total}, {_duration((last - started) * (total / done - 1))} left" if total else ""
-                self.say(f"{label}: {done}{left}")
+                share = 1 - remaining() / work if remaining and work else done / total if total else 0.0
+                left = f", {_duration((last - started) * (1 / share - 1))} left" if share else ""
+                self.say(f"{label}: {done}{f'/{total}' if total else ''}{left}")
 
         yield advance
         self.say(f"{label}: {done} done in {time.monotonic() - started:.1f} s")
@@ -82,18 +86,26 @@ def _duration(seconds: float) -> str:
 
 
 @contextlib.contextmanager
-def _bar(label: str, total: int | None) -> Iterator[Callable[[], None]]:
+def _bar(label: str, total: int | None, remaining: Callable[[], float] | None) -> Iterator[Callable[[], None]]:
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
 
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
-        MofNCompleteColumn(),
+        TextColumn("{task.fields[steps]}"),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
     with Bar(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task(label, total=total)
-        yield lambda: bar.advance(task)
+        done, work = 0, remaining() if remaining else total
+        task = bar.add_task(label, total=work, steps="")
+
+        def advance() -> None:
+            nonlocal done
+            done += 1
+            completed = work - remaining() if remaining and work else done
+            bar.update(task, completed=completed, steps=f"{done}/{total}" if total else str(done))
+
+        yield advance

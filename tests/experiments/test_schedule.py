@@ -9,7 +9,7 @@ import pytest
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import ROVER, planned
 from experiments.campaign.part import part
-from experiments.campaign.schedule import RecordingTask, Schedule
+from experiments.campaign.schedule import SECONDS, RecordingTask, Schedule
 from radartwin.config.compose import compose
 from radartwin.config.materials import TrueMaterials
 from radartwin.io.progress import Progress
@@ -41,11 +41,19 @@ def test_scanned_rooms_come_first_one_for_each_worker(tasks: list[RecordingTask]
     assert third.domain == "measured", "a third worker would wait for a scan"
 
 
-def test_tracks_of_shipped_rooms_come_by_their_length(tasks: list[RecordingTask]) -> None:
+def test_tracks_of_shipped_rooms_come_by_their_time(tasks: list[RecordingTask]) -> None:
     schedule = Schedule(tasks)
-    lengths = sorted(map(len, schedule.tracks.values()), reverse=True)
-    given = [schedule.next_task(worker) for worker in range(len(lengths))]
-    assert [sum(_track(task) == _track(first) for task in tasks) for first in given if first] == lengths, "no worker waits for a scan"
+    expected = schedule.remaining()
+    given = [task for worker in range(len(schedule.tracks)) if (task := schedule.next_task(worker))]
+    times = []
+    for first in given:
+        once, further = SECONDS[first.domain, _track(first)[2]]
+        times.append(once + further * (sum(_track(task) == _track(first) for task in tasks) - 1))
+    assert times == sorted(times, reverse=True), "no worker waits for a scan"
+    assert expected == pytest.approx(sum(times))
+    while schedule.next_task(0):
+        pass
+    assert schedule.remaining() == 0
 
 
 def test_every_recording_is_made_once_and_a_worker_stays_on_its_track(tasks: list[RecordingTask]) -> None:
