@@ -8,14 +8,12 @@ cp outputs/tables/{speed_accuracy,stability,complexity}.csv docs/results/ && pyt
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from PIL import Image
 
 from analysis.pages.template import RESULTS, ROOT, filled
 from experiments.complexity import rows as complexity_rows
@@ -143,5 +141,4 @@ def draw() -> None:
     for name, figure in drawn.items():
         png, pdf = style.save(figure, FIGURES / name)
         pdf.unlink()
-        with Image.open(io.BytesIO(png.read_bytes())) as picture:  # 64 colours need a quarter of the bytes
-            picture.convert("RGB").quantize(64, dither=Image.Dither.NONE).save(png, optimize=True)
+        png.write_bytes(style.fewer_colours(png.read_bytes(), 64))

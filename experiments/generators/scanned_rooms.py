@@ -12,20 +12,16 @@ import argparse
 import hashlib
 import io
 import json
-import struct
 import tempfile
 import zipfile
 from pathlib import Path
 
-from PIL import Image
-
+from experiments.generators.glb_pictures import with_jpeg
 from experiments.scans import virtual_scan
 from radartwin.io import files
 from radartwin.scene.storage import GEOMETRY, MANIFEST
 
 ROOMS = ("lab", "squash_court", "atrium")
-GLTF = 0x46546C67, 2  # magic number and version of a .glb file
-JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
 
 
 def packed(room: str) -> bytes:
@@ -46,28 +42,6 @@ def pack(glb: bytes, manifest: dict) -> bytes:
         for name, content in ((GEOMETRY, glb), (MANIFEST, json.dumps(manifest, indent=1) + "\n")):
             archive.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_LZMA)
     return stream.getvalue()
-
-
-def with_jpeg(glb: bytes) -> bytes:
-    """Return a .glb file with its pictures as JPEG, and with all other content unchanged."""
-    length = int.from_bytes(glb[12:16], "little")
-    document, buffer = json.loads(glb[20 : 20 + length]), glb[28 + length :]
-    pictures = {picture["bufferView"]: picture for picture in document["images"]}
-    binary = b""
-    for number, view in enumerate(document["bufferViews"]):
-        content = buffer[view["byteOffset"] :][: view["byteLength"]]
-        if number in pictures:
-            stream = io.BytesIO()
-            Image.open(io.BytesIO(content)).convert("RGB").save(stream, "JPEG")
-            content = stream.getvalue()
-            pictures[number]["mimeType"] = "image/jpeg"
-        view |= {"byteOffset": len(binary), "byteLength": len(content)}
-        binary += content + bytes(-len(content) % 4)
-    document["buffers"] = [{"byteLength": len(binary)}]
-    text = json.dumps(document, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<2I", len(text), JSON_CHUNK) + text + struct.pack("<2I", len(binary), BINARY_CHUNK) + binary
-    return struct.pack("<3I", *GLTF, 12 + len(chunks)) + chunks
 
 
 def main() -> None:

@@ -13,30 +13,30 @@ from radartwin.errors import MissingError
 
 Verbs = argparse._SubParsersAction
 
-# The lines of `radartwin --help`: each verb under the purpose for which a user needs it.
+# What each verb does, under the purpose for which a user needs it: the lines of `radartwin --help`, and the first line of a verb's help.
 PURPOSES = {
     "My room": {
         "demo": "show all steps on a shipped phone scan, in two minutes",
-        "reconstruct": "turn a scan (mesh or RGB-D frames) into a scene",
+        "reconstruct": "turn a scan (mesh or RGB-D frames) into a scene folder",
         "label": "name the materials of a scene by a vision-language model",
         "view": "show a scene as a 3D page; --live: drag the radar in it",
-        "simulate": "simulate a radar recording in a scene",
+        "simulate": "simulate a radar recording (DCA1000 format) in a scene",
     },
     "My radar": {
         "process": "compute peaks, points and pictures of a recording or capture",
-        "import": "add captures to a set of recordings",
+        "import": "add raw captures to a set of recordings",
         "export": "write a recording for Foxglove, or a set of virtual recordings",
     },
     "My objects": {
         "train": "train a recogniser of my objects on simulation alone",
-        "classify": "name the object in a recording with a trained recogniser",
+        "classify": "name the object in a recording, with probabilities",
     },
     "The study": {
         "tables": "make the tables, figures and report of the paper's claims",
         "report": "write the report again from existing tables",
         "run": "compute one experiment, or a sweep with -m",
         "benchmark": "compare simulators on six problems with known answers",
-        "dashboard": "show the runs in MLflow",
+        "dashboard": "show the runs in MLflow, on this machine only",
     },
     "This machine": {
         "doctor": "check this machine, or with --data a set of recordings",
@@ -99,10 +99,9 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_study(group: Verbs) -> None:
-    text = "show all steps on a shipped phone scan: labelled scene, simulated recording, detected peaks, and a page"
-    _output(_add(group, "demo", verbs.demo, text))
+    _output(_add(group, "demo", verbs.demo))
 
-    run = _add(group, "run", verbs.run, "compute one experiment, or with -m a sweep over comma-separated values", resumes=True)
+    run = _add(group, "run", verbs.run, resumes=True)
     _overrides(run, "experiment=NAME [group=option ...] [key=value ...]")
     run.epilog = examples.epilog("run", textwrap.fill(f"Experiments: {', '.join(_experiments())}.", 78))
     run.add_argument("-m", "--multirun", action="store_true", help="sweep: materials=vlm,uniform,void runs three jobs")
@@ -112,19 +111,19 @@ def _add_study(group: Verbs) -> None:
     run.add_argument("--direction", choices=("maximize", "minimize"), help="direction of a search (default: maximize)")
     run.add_argument("--at-once", metavar="N", type=int, help="parallel trials, for hydra/launcher=joblib or slurm (default: 1)")
 
-    tables = _add(group, "tables", verbs.tables, "run the missing experiments, and write tables, figures and the report", resumes=True)
+    tables = _add(group, "tables", verbs.tables, resumes=True)
     tables.add_argument("--profile", choices=("quick", "paper"), default="quick", help="amount of computation (default: quick)")
     tables.add_argument("--only", metavar="NAME", action="append", help="one table; repeat it for more")
     _output(tables)
 
 
 def _add_recordings(group: Verbs) -> None:
-    simulate = _add(group, "simulate", verbs.simulate, "simulate a scene and write a recording in the DCA1000 format")
+    simulate = _add(group, "simulate", verbs.simulate)
     _overrides(simulate, "scene=lab|atrium|squash_court|void|empty|plate|scan [radar=...] [trajectory=...] [key=value ...]")
     simulate.add_argument("--out", metavar="PATH", type=Path, help="recording without suffix (default: OUTPUT/recordings/SCENE)")
     simulate.add_argument("--noise", action="store_true", help="add the receiver's thermal noise")
 
-    process = _add(group, "process", verbs.process, "compute peaks, point clouds and maps over time, Doppler and azimuth of a recording")
+    process = _add(group, "process", verbs.process)
     _recording(process)
     process.add_argument("--moving", action="store_true", help="remove static echoes before the peaks are detected")
     text = "method for directions: capon and music separate two targets of one cell (default: bartlett)"
@@ -132,7 +131,7 @@ def _add_recordings(group: Verbs) -> None:
     process.add_argument("--out", metavar="FOLDER", type=Path, help="folder for the results (default: OUTPUT/processed/NAME)")
     _output(process)
 
-    captures = _add(group, "import", verbs.import_captures, "add raw captures to a recording set", resumes=True)
+    captures = _add(group, "import", verbs.import_captures, resumes=True)
     captures.add_argument("source", metavar="SOURCE", type=Path, help="a .bin, a .npy or .npz cube, a roverd trace, or a folder of them")
     captures.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help="index columns of all captures, or card keys of a new set")
     captures.add_argument("--out", metavar="SET", type=Path, required=True, help="folder of the set; an existing set is extended")
@@ -146,8 +145,7 @@ def _add_recordings(group: Verbs) -> None:
 
 def _add_export(group: Verbs) -> None:
     """Add the verb `export`: --mcap writes a recording as a timeline, and --out writes the virtual campaign as a recording set."""
-    text = "write a recording as a timeline for Foxglove (--mcap), or the virtual measurement campaign as a recording set (--out)"
-    export = _add(group, "export", verbs.export, text, resumes=True)
+    export = _add(group, "export", verbs.export, resumes=True)
     words = "with --mcap one RECORDING, as for process; with --out [profile=...] [profile.campaign.KEY=value ...] [key=value ...]"
     _overrides(export, words, metavar="RECORDING|OVERRIDE")
     use = export.add_mutually_exclusive_group(required=True)
@@ -160,7 +158,7 @@ def _add_export(group: Verbs) -> None:
 
 
 def _add_scenes(group: Verbs) -> None:
-    reconstruct = _add(group, "reconstruct", verbs.reconstruct, "convert a mesh or a folder of frames to a labelled scene folder")
+    reconstruct = _add(group, "reconstruct", verbs.reconstruct)
     reconstruct.add_argument("scan", metavar="SCAN", type=Path, help="a .glb, .ply or .obj mesh, or a folder of RGB-D frames with poses")
     reconstruct.add_argument("--out", metavar="FOLDER", type=Path, required=True, help="folder of the new scene")
     reconstruct.add_argument("--material", default="plasterboard", help="material of every surface (default: plasterboard)")
@@ -176,8 +174,7 @@ def _add_scenes(group: Verbs) -> None:
     axes = "convention of the poses: opencv (default), opengl, opencv-inverse or opengl-inverse"
     reconstruct.add_argument("--poses", metavar="AXES", help=axes)
 
-    text = "label a scene's materials with a vision-language model: ask it now, or export the questions and import the answers"
-    label = _add(group, "label", verbs.label, text, resumes=True)
+    label = _add(group, "label", verbs.label, resumes=True)
     label.add_argument("scene", metavar="SCENE", type=Path, help="a scene folder; its manifest stores the labels")
     label.add_argument("--provider", choices=("recorded", "server", "local"), help="source of the answers (default: recorded)")
     label.add_argument("--model", help="model name; local: a folder or name that transformers loads; --import: the model that answered")
@@ -191,8 +188,7 @@ def _add_scenes(group: Verbs) -> None:
     label.add_argument("--concurrency", type=int, help="server: simultaneous requests (default: 4)")
     label.add_argument("--timeout", type=float, metavar="SECONDS", dest="timeout_s", help="server: limit for one request (default: 120)")
 
-    text = "write a standalone 3D page of a scene, coloured by material, segment, reflectivity or scan colour"
-    view = _add(group, "view", verbs.view, text)
+    view = _add(group, "view", verbs.view)
     view.add_argument("scene", metavar="SCENE", type=Path, help="a scene folder; the page needs no server and no network")
     colourings = ("material", "segment", "reflectivity", "colour")
     view.add_argument("--by", choices=colourings, default="material", help="initial colouring (default: material)")
@@ -207,14 +203,13 @@ def _add_scenes(group: Verbs) -> None:
 
 
 def _add_results(group: Verbs) -> None:
-    classify = _add(group, "classify", verbs.classify, "classify a recording with a trained model, and print the probability of each class")
+    classify = _add(group, "classify", verbs.classify)
     _recording(classify)
     classify.add_argument("--model", metavar="FOLDER", type=Path, required=True, help="model folder (model.json, model.safetensors)")
     classify.add_argument("--distance", metavar="METRES", type=float, help="radar to target at the start (default: estimated)")
     classify.add_argument("--period", metavar="SECONDS", type=float, help="duration of one revolution (default: that of the training)")
 
-    text = "train a recogniser of your own objects on simulation alone; radartwin classify uses the trained model"
-    train = _add(group, "train", verbs.train, text, resumes=True)
+    train = _add(group, "train", verbs.train, resumes=True)
     train.add_argument("objects", metavar="OBJECTS", type=Path, help=".yaml: the objects with their meshes and materials")
     _overrides(train, "[radar=...] [trajectory.KEY=value ...] [supervision.KEY=value ...] [seed=N] [simulator=...] [key=value ...]")
     train.add_argument("--out", metavar="MODEL", type=Path, required=True, help="folder of the model; a model in it is replaced")
@@ -224,32 +219,30 @@ def _add_results(group: Verbs) -> None:
     whole = "frames per revolution, at least 13 (default: the radar's frames in trajectory.period_s)"
     train.add_argument("--frames", metavar="N", type=int, help=whole)
 
-    text = "score simulators on six fixed problems with independent answers, and write errors and run times to leaderboard.csv"
-    compare = _add(group, "benchmark", verbs.benchmark, text)
+    compare = _add(group, "benchmark", verbs.benchmark)
     entrant = "a folder of signals, or a simulator by name; repeat it for more (default: the shipped methods)"
     compare.add_argument("--method", metavar="NAME_OR_FOLDER", action="append", default=[], help=entrant)
     compare.add_argument("--problem", metavar="NAME", action="append", default=[], help="one problem; repeat it for more (default: all)")
     _output(compare)
 
-    dashboard = _add(group, "dashboard", verbs.dashboard, "start the MLflow server for this machine only")
+    dashboard = _add(group, "dashboard", verbs.dashboard)
     dashboard.add_argument("--port", type=_port, help="port of the server (default: 5000, or a free port if 5000 is taken)")
     _output(dashboard)
 
-    report = _add(group, "report", verbs.report, "write the static report from the existing tables")
+    report = _add(group, "report", verbs.report)
     _output(report)
 
-    doctor = _add(group, "doctor", verbs.doctor, "check this machine (versions, devices, disk), or a recording set, and say what to do")
+    doctor = _add(group, "doctor", verbs.doctor)
     doctor.add_argument("--data", metavar="FOLDER", type=Path, help="check this recording set instead and list all its faults")
     _output(doctor)
 
-    clean = _add(group, "clean", verbs.clean, "print the size of the stored results in the output folder, or delete them")
+    clean = _add(group, "clean", verbs.clean)
     clean.add_argument("--cache", action="store_true", help="delete the stored results; the next run computes them again")
     _output(clean)
 
 
-def _add(
-    group: Verbs, name: str, function: Callable[[argparse.Namespace], int], text: str, resumes: bool = False
-) -> argparse.ArgumentParser:
+def _add(group: Verbs, name: str, function: Callable[[argparse.Namespace], int], resumes: bool = False) -> argparse.ArgumentParser:
+    text = next(verbs[name] for verbs in PURPOSES.values() if name in verbs)
     verb = group.add_parser(
         name,
         description=textwrap.fill(text[0].upper() + text[1:] + ".", 78),

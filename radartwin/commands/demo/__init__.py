@@ -86,7 +86,7 @@ def demo(output: Path) -> Path:
             result.append(plural(len(reconstruct(SCAN, scene_folder)), "surface"))
         with steps.step("label the materials with the recorded answers of a vision-language model") as result:
             label_folder(scene_folder, LabelOptions(missing="uniform:plasterboard"))
-            result.append(_found(Scene.load(scene_folder)))
+            result.append(_largest(Scene.load(scene_folder)))
         with steps.step(f'place "{SENTENCE}" and simulate the radar (a first run compiles the simulator: about a minute)') as result:
             place = [path_override("scene.path", scene_folder), f'scene.sentence="{SENTENCE}"']
             radar = ["trajectory=static", f"trajectory.position_m={list(POSITION_M)}", f"trajectory.heading_deg={HEADING_DEG}"]
@@ -112,7 +112,7 @@ def demo(output: Path) -> Path:
     return page
 
 
-def _found(scene: Scene) -> str:
+def _largest(scene: Scene) -> str:
     """Return the largest things of a scene in words."""
     areas: Counter[str] = Counter()
     for surface, thing in zip(scene, things(scene), strict=True):

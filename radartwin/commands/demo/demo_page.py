@@ -23,7 +23,7 @@ from radartwin.radar.power_maps import PowerMaps
 from radartwin.radar.processing import decibels
 from radartwin.scene.scene import Scene
 from radartwin.scene.surface import Surface
-from radartwin.scene.thing_names import LANDMARKS, things
+from radartwin.scene.thing_names import LANDMARKS, Thing, things
 from radartwin.scene.viewer.colouring import surface_label
 from radartwin.scene.viewer.page import view
 from radartwin.simulation.origins import Origin
@@ -60,18 +60,55 @@ class Echoes:
     @cached_property
     def names(self) -> list[str]:
         """What each peak comes from, such as "wall behind the sofa", with a note if the echo took a longer way than there and back."""
-        thing_of, out = dict(zip(self.scene.names, things(self.scene), strict=True)), []
-        meshes = {surface.name: surface.mesh for surface in self.scene}
+        named = {surface.name: (surface.mesh, thing) for surface, thing in self.things}
+        names = []
         for range_m, origin in zip(self.peaks.range_m, self.origins, strict=True):
-            if origin.surface not in meshes:
-                out.append("no surface")
-                continue
-            if abs(origin.level_db) > UNCLEAR_DB:
-                out.append("several things together")
-                continue
-            away = np.linalg.norm(np.asarray(meshes[origin.surface].vertices) - self.pose[:3, 3], axis=1).max()
-            out.append(f"{thing_of[origin.surface]}{' by a detour' if range_m > away + LONGER_M else ''}")
-        return out
+            if origin.surface not in named:
+                names.append("no surface")
+            elif abs(origin.level_db) > UNCLEAR_DB:
+                names.append("several things together")
+            else:
+                mesh, thing = named[origin.surface]
+                away = np.linalg.norm(np.asarray(mesh.vertices) - self.pose[:3, 3], axis=1).max()
+                names.append(f"{thing}{' by a detour' if range_m > away + LONGER_M else ''}")
+        return names
+
+    @cached_property
+    def things(self) -> list[tuple[Surface, Thing]]:
+        """The surfaces with the thing that each of them is."""
+        return list(zip(self.scene, things(self.scene), strict=True))
+
+    @cached_property
+    def landmarks(self) -> list[tuple[str, np.ndarray]]:
+        """Name and outline (N, 2) of large furniture from above, in metres right and ahead of the radar."""
+        from scipy.spatial import ConvexHull
+
+        plans = [(thing.category, _plan(surface, self.pose)) for surface, thing in self.things if thing.category in LANDMARKS]
+        return [(name, points[ConvexHull(points).vertices]) for name, points in plans]
+
+    @cached_property
+    def outlines(self) -> list[np.ndarray]:
+        """Outlines (N, 2) of walls and large furniture from above, in metres right and ahead of the radar."""
+        lines = [np.vstack([corners, corners[:1]]) for _, corners in self.landmarks]
+        for surface, thing in self.things:
+            points = _plan(surface, self.pose)
+            if thing.category.endswith("wall") and np.ptp(points, axis=0).max() > 1:
+                along = points @ np.linalg.eigh(np.cov(points.T))[1][:, -1]
+                lines.append(points[[along.argmin(), along.argmax()]])
+        return lines
+
+    @property
+    def view_m(self) -> tuple[float, float]:
+        """Half the width and the length in metres of the part of the map that is shown: the room ahead of the radar and a margin."""
+        corners = np.vstack(self.outlines)
+        return float(np.abs(corners[:, 0]).max()) + BEYOND_M[0], float(corners[:, 1].max()) + BEYOND_M[1]
+
+    @property
+    def marked(self) -> list[int]:
+        """Indices of the strongest echoes that lie in the shown part of the map."""
+        wide, far = self.view_m
+        sideways, ahead = (self.peaks.range_m * ratio(self.peaks.azimuth_rad) for ratio in (np.sin, np.cos))
+        return [k for k in range(len(self.names)) if abs(sideways[k]) < wide and ahead[k] < far][:MARKED]
 
 
 def write_page(folder: Path, scene: Scene, echoes: Echoes) -> Path:
@@ -92,14 +129,14 @@ def write_page(folder: Path, scene: Scene, echoes: Echoes) -> Path:
     text = PAGE.read_text(encoding="utf-8")
     for mark, content in parts.items():
         text = text.replace(mark, content)
-    files.write_atomically(folder / STRIP, _fewer_colours(strip))
+    files.write_atomically(folder / STRIP, style.fewer_colours(strip.getvalue(), 256))
     return files.write_atomically(folder / "index.html", text)
 
 
 def draw_room(scene: Scene, scan: Scene | None) -> list[Figure]:
     """Draw the scan, and the materials of its surfaces in the same view with a legend, as two figures."""
     figures, axes = zip(*(style.figure(width_in=4.6, height_in=5.1) for _ in range(2)), strict=True)
-    handles = _legend(draw_materials(axes, scene, scan, 600))
+    handles = legend({name: name for name in draw_materials(axes, scene, scan, 600)})
     figures[1].legend(handles=handles, loc="outside lower center", ncols=4)
     axes[0].set_anchor("N")
     return list(figures)
@@ -108,7 +145,7 @@ def draw_room(scene: Scene, scan: Scene | None) -> list[Figure]:
 def draw_strip(scene: Scene, scan: Scene | None, echoes: Echoes) -> Figure:
     """Draw the scan, the materials and the map of the echoes side by side."""
     figure, axes = style.figure(1, 3, width_in=15.0, height_in=4.4, width_ratios=(1, 1, 2.15))
-    handles = _legend(draw_materials(axes[:2], scene, scan, 600))
+    handles = legend({name: name for name in draw_materials(axes[:2], scene, scan, 600)})
     figure.legend(handles=handles, loc="outside lower left", ncols=7, handlelength=1.2, columnspacing=1.2)
     _draw_map(axes[2], echoes)
     return figure
@@ -124,11 +161,11 @@ def draw_map(echoes: Echoes) -> Figure:
 def draw_profile(echoes: Echoes) -> Figure:
     """Draw the power over range with the numbers of the marked echoes."""
     figure, axis = style.figure(width_in=8.2, height_in=2.5)
-    shown = echoes.maps.range_m <= _view_m(echoes)[1]
+    shown = echoes.maps.range_m <= echoes.view_m[1]
     range_m, profile = echoes.maps.range_m[shown], decibels(echoes.maps.range_time.mean(axis=0)[shown])
     axis.plot(range_m, profile, lw=0.9)
     axis.set(xlabel="range (m)", ylabel="power (dB of\ntransmitted power)", title="power over range", xlim=(0, range_m[-1]))
-    for k in _marked(echoes):
+    for k in echoes.marked:
         level = float(np.interp(echoes.peaks.range_m[k], range_m, profile))
         axis.annotate(str(k + 1), (echoes.peaks.range_m[k], level), xytext=(0, 4), textcoords="offset points", ha="center")
     return figure
@@ -138,7 +175,7 @@ def _draw_map(axis: Axes, echoes: Echoes) -> None:
     """Draw the range-azimuth map from above, the radar at the bottom, over the outlines of the room, with the name of each echo."""
     from matplotlib.patches import Rectangle
 
-    maps, (wide, far) = echoes.maps, _view_m(echoes)
+    maps, (wide, far) = echoes.maps, echoes.view_m
     shown = maps.range_m <= np.hypot(wide, far)
     range_m, power = maps.range_m[shown], decibels(maps.range_azimuth[:, shown])
     x, y = -np.outer(np.sin(maps.azimuth_rad), range_m), np.outer(np.cos(maps.azimuth_rad), range_m)
@@ -148,29 +185,20 @@ def _draw_map(axis: Axes, echoes: Echoes) -> None:
     image = axis.pcolormesh(x, y, power, cmap=style.SEQUENTIAL, vmin=top - SHOWN_DB, vmax=top, shading="gouraud", rasterized=True)
     angle = np.linspace(-np.pi / 2, np.pi / 2, 90)
     arcs = [np.column_stack([at_m * np.sin(angle), at_m * np.cos(angle)]) for at_m in range(1, int(far) + 1)]
-    lines = [(line, 0.9, 0.9) for line in _outlines(echoes)] + [(arc, 0.4, 0.35) for arc in arcs]
+    lines = [(line, 0.9, 0.9) for line in echoes.outlines] + [(arc, 0.4, 0.35) for arc in arcs]
     for drawn in [image, *(axis.plot(*line.T, color="white", lw=width, alpha=alpha)[0] for line, width, alpha in lines)]:
         drawn.set_clip_path(frame)
-    for thing, corners in _landmarks(echoes):
+    for thing, corners in echoes.landmarks:
         x, y = np.clip(corners, (-wide, 0), (wide, far)).mean(axis=0)
         if corners[:, 1].max() > 0.2:
-            axis.text(
-                x,
-                corners[:, 1].min() + 0.12 if corners[:, 1].min() > 0 else y,
-                thing,
-                color="white",
-                alpha=0.9,
-                fontsize=7,
-                ha="center",
-                va="center",
-                style="italic",
-            )
+            height = corners[:, 1].min() + 0.12 if corners[:, 1].min() > 0 else y
+            axis.text(x, height, thing, color="white", alpha=0.9, fontsize=7, ha="center", va="center", style="italic")
     for at_m in range(1, int(far) + 1):
         axis.text(0.03, at_m, f"{at_m} m", color="white", alpha=0.8, fontsize=7, va="bottom")
     axis.plot([0], [0.05], "^", color="white", ms=7, mec="black")
     axis.set(xlim=(-wide - LABEL_M, wide + LABEL_M), ylim=(-0.05, far), aspect="equal", title="radar echoes, seen from above")
     axis.set_axis_off()
-    azimuth, marked = echoes.peaks.azimuth_rad, _marked(echoes)
+    azimuth, marked = echoes.peaks.azimuth_rad, echoes.marked
     at = np.column_stack([-np.sin(azimuth), np.cos(azimuth)]) * echoes.peaks.range_m[:, None]
     for side in (-1, 1):
         column = sorted((k for k in marked if (at[k, 0] >= 0) == (side > 0)), key=lambda k: at[k, 1])
@@ -181,38 +209,6 @@ def _draw_map(axis: Axes, echoes: Echoes) -> None:
                 ha="left" if side > 0 else "right",
                 arrowprops={"arrowstyle": "-", "lw": 0.6, "color": "#b0b0b0", "relpos": (float(side < 0), 0.5)},
             )  # fmt: skip
-
-
-def _view_m(echoes: Echoes) -> tuple[float, float]:
-    """Return half the width and the length in metres of the part of the map that is shown: the room ahead of the radar and a margin."""
-    corners = np.vstack(_outlines(echoes))
-    return float(np.abs(corners[:, 0]).max()) + BEYOND_M[0], float(corners[:, 1].max()) + BEYOND_M[1]
-
-
-def _marked(echoes: Echoes) -> list[int]:
-    """Return the indices of the strongest echoes that lie in the shown part of the map."""
-    wide, far = _view_m(echoes)
-    sideways, ahead = (echoes.peaks.range_m * turn(echoes.peaks.azimuth_rad) for turn in (np.sin, np.cos))
-    return [k for k in range(len(echoes.names)) if abs(sideways[k]) < wide and ahead[k] < far][:MARKED]
-
-
-def _landmarks(echoes: Echoes) -> list[tuple[str, np.ndarray]]:
-    """Return name and outline (N, 2) of large furniture from above, in metres right and ahead of the radar."""
-    from scipy.spatial import ConvexHull
-
-    found = [(thing.category, _plan(surface, echoes.pose)) for surface, thing in zip(echoes.scene, things(echoes.scene), strict=True)]
-    return [(name, points[ConvexHull(points).vertices]) for name, points in found if name in LANDMARKS]
-
-
-def _outlines(echoes: Echoes) -> list[np.ndarray]:
-    """Return the outlines (N, 2) of walls and large furniture from above, in metres right and ahead of the radar."""
-    lines = [np.vstack([corners, corners[:1]]) for _, corners in _landmarks(echoes)]
-    for surface, thing in zip(echoes.scene, things(echoes.scene), strict=True):
-        points = _plan(surface, echoes.pose)
-        if thing.category.endswith("wall") and np.ptp(points, axis=0).max() > 1:
-            along = points @ np.linalg.eigh(np.cov(points.T))[1][:, -1]
-            lines.append(points[[along.argmin(), along.argmax()]])
-    return lines
 
 
 def _plan(surface: Surface, pose: np.ndarray) -> np.ndarray:
@@ -231,23 +227,10 @@ def _apart(heights: np.ndarray, step: float, highest: float) -> np.ndarray:
     return moved
 
 
-def _legend(categories: list[str]) -> list:
-    return legend({name: name for name in categories})
-
-
 def _svg(figure: Figure) -> str:
     drawing = io.StringIO()
     figure.savefig(drawing, format="svg", metadata={"Date": None})
     return drawing.getvalue()[drawing.getvalue().index("<svg") :]
-
-
-def _fewer_colours(stream: io.BytesIO) -> bytes:
-    """Return a PNG with 256 colours, which has a third of the size."""
-    from PIL import Image
-
-    out = io.BytesIO()
-    Image.open(stream).convert("RGB").quantize(256, kmeans=3, dither=Image.Dither.NONE).save(out, "PNG", optimize=True)
-    return out.getvalue()
 
 
 def _rows(scene: Scene, echoes: Echoes) -> list[str]:
