@@ -1,10 +1,4 @@
-"""Render the triangles, depths and colours that a camera sees in a scene, with a deterministic z-buffer on the CPU.
-
-The method is homogeneous rasterisation (M. Olano, T. Greer, Graphics Hardware 1997). The ray d = (x, y, 1) of a pixel hits the triangle
-with corners a, b, c if d.(b x c), d.(c x a) and d.(a x b) have the same sign. The depth of the hit is a.(b x c) divided by the sum of these
-three products. Therefore the rasteriser never clips a triangle, and never divides a vertex by its depth. Both sides of a triangle are
-drawn, because a scan does not tell which side of a surface is the outer side.
-"""
+"""Draw pictures of a scene: the triangles that a camera sees, their depths and their colours."""
 
 from __future__ import annotations
 
@@ -13,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
-from radartwin.compiled import compiled
+from radartwin.scene.raster import nearest_faces
 from radartwin.scene.scene import Scene
 
-NEAR_M = 0.05
 UNCOLOURED = 200.0  # grey level (0 to 255) of a mesh without colours
 BACKGROUND = 255.0
 # brightness at grazing incidence, relative to normal incidence; larger for scan colours, which already contain shading
@@ -91,11 +84,8 @@ class Triangles:
 
     def seen(self, camera: Camera) -> Seen:
         """Find the triangle that each pixel of a camera shows."""
-        depth = np.full((camera.height, camera.width), np.inf)
-        face = np.full((camera.height, camera.width), -1, np.int64)
-        rays = np.linalg.inv(camera.intrinsics)
-        _rasterise(self._local(camera), self.faces, camera.intrinsics, rays, depth, face)
-        return Seen(face, depth)
+        triangles, drawn = self.vertices[self.faces], np.ones(len(self.faces), bool)
+        return Seen(*nearest_faces(triangles, drawn, camera.pose, camera.intrinsics, (camera.width, camera.height)))
 
     def surfaces(self, seen: Seen) -> np.ndarray:
         """Return the index of the surface that each pixel shows, (h, w); -1 for a pixel that shows no surface."""
@@ -131,10 +121,6 @@ class Triangles:
         vertices = vertices if vanished.any() else vertices[: len(first)]
         return Triangles(vertices, faces[remains], self.surface[remains], len(self.first_face) - 1)
 
-    def _local(self, camera: Camera) -> np.ndarray:
-        world_to_camera = np.linalg.inv(camera.pose)
-        return self.vertices @ world_to_camera[:3, :3].T + world_to_camera[:3, 3]
-
 
 class Drawing(Triangles):
     """The triangles of a scene with the colours of their surfaces."""
@@ -155,17 +141,23 @@ class Drawing(Triangles):
 
     def picture(self, camera: Camera, seen: Seen) -> np.ndarray:
         """Render a picture (h, w, 3) uint8 in the colours of the surfaces, lit by a lamp at the camera, on a white background."""
-        weights = np.zeros((*seen.face.shape, 3), np.float32)
-        out = np.full((*seen.face.shape, 3), BACKGROUND, np.float32)
-        rays = np.linalg.inv(camera.intrinsics)
-        _paint(self._local(camera), self.faces, rays, seen.face, self._corner_colour, self._min_shade, weights, out)
-        present = np.unique(seen.face)
-        for index in np.unique(self.surface[present[present >= 0]]):
-            texture = self._textures.get(int(index))
-            if texture is not None:
-                pixels = (seen.face >= self.first_face[index]) & (seen.face < self.first_face[index + 1])
-                # `out` is white at textured surfaces
-                out[pixels] *= texture.at(seen.face[pixels] - self.first_face[index], weights[pixels])
+        shown = seen.face >= 0
+        face, (rows, columns) = seen.face[shown], np.nonzero(shown)
+        rays = np.column_stack([columns, rows, np.ones(len(face))]) @ np.linalg.inv(camera.intrinsics).T
+        to_camera = np.linalg.inv(camera.pose)
+        a, b, c = (self.vertices @ to_camera[:3, :3].T + to_camera[:3, 3])[self.faces[face]].swapaxes(0, 1)
+        # The ray d of a pixel hits the triangle a, b, c at the barycentric coordinates d.(b x c), d.(c x a) and d.(a x b) over their sum.
+        weights = np.stack([(rays * np.cross(p, q)).sum(axis=1) for p, q in ((b, c), (c, a), (a, b))], axis=1)
+        weights /= weights.sum(axis=1, keepdims=True)
+        shade = self._min_shade[face] + (1 - self._min_shade[face]) * np.abs(self.facing(camera, seen, shown))
+        colours = (shade[:, None] * np.einsum("nk,nkc->nc", weights, self._corner_colour[face])).astype(np.float32)
+        weights = weights.astype(np.float32)
+        for index in np.unique(self.surface[face]):
+            if (texture := self._textures.get(int(index))) is not None:
+                of_surface = self.surface[face] == index  # white before the multiplication
+                colours[of_surface] *= texture.at(face[of_surface] - self.first_face[index], weights[of_surface])
+        out = np.full((*seen.face.shape, 3), BACKGROUND)
+        out[shown] = colours
         return np.clip(np.rint(out), 0, 255).astype(np.uint8)
 
 
@@ -211,88 +203,3 @@ def _image(visual) -> np.ndarray | None:
     if image is None:
         image = getattr(material, "image", None)
     return None if image is None else np.asarray(image.convert("RGB"))
-
-
-@compiled
-def _paint(points, faces, rays, face, corner_colour, min_shade, weights, out):
-    """Write the barycentric coordinates (h, w, 3) and shaded colours (h, w, 3) of the pixels that show a face (index `face` >= 0)."""
-    height, width = face.shape
-    for v in range(height):
-        for u in range(width):
-            f = face[v, u]
-            if f < 0:
-                continue
-            x = rays[0, 0] * u + rays[0, 1] * v + rays[0, 2]
-            y = rays[1, 0] * u + rays[1, 1] * v + rays[1, 2]
-            ax, ay, az = points[faces[f, 0], 0], points[faces[f, 0], 1], points[faces[f, 0], 2]
-            bx, by, bz = points[faces[f, 1], 0], points[faces[f, 1], 1], points[faces[f, 1], 2]
-            gx, gy, gz = points[faces[f, 2], 0], points[faces[f, 2], 1], points[faces[f, 2], 2]
-            p = x * (by * gz - bz * gy) + y * (bz * gx - bx * gz) + (bx * gy - by * gx)
-            q = x * (gy * az - gz * ay) + y * (gz * ax - gx * az) + (gx * ay - gy * ax)
-            r = x * (ay * bz - az * by) + y * (az * bx - ax * bz) + (ax * by - ay * bx)
-            total = p + q + r
-            p, q, r = p / total, q / total, r / total
-            weights[v, u, 0], weights[v, u, 1], weights[v, u, 2] = p, q, r
-            sx, sy, sz = bx - ax, by - ay, bz - az
-            tx, ty, tz = gx - ax, gy - ay, gz - az
-            nx, ny, nz = sy * tz - sz * ty, sz * tx - sx * tz, sx * ty - sy * tx
-            facing = abs(x * nx + y * ny + nz) / max(np.sqrt((nx * nx + ny * ny + nz * nz) * (x * x + y * y + 1.0)), 1e-30)
-            shade = min_shade[f] + (1.0 - min_shade[f]) * facing
-            for c in range(3):
-                out[v, u, c] = shade * (p * corner_colour[f, 0, c] + q * corner_colour[f, 1, c] + r * corner_colour[f, 2, c])
-
-
-@compiled
-def _rasterise(points, faces, intrinsics, rays, depth, face):
-    """Fill `depth` (h, w) and `face` (h, w) from points (V, 3) in camera axes and faces (F, 3); at equal depth the face with the lower
-    index is kept.
-    """
-    height, width = depth.shape
-    fx, fy, cx, cy, skew = intrinsics[0, 0], intrinsics[1, 1], intrinsics[0, 2], intrinsics[1, 2], intrinsics[0, 1]
-    for f in range(len(faces)):
-        ax, ay, az = points[faces[f, 0], 0], points[faces[f, 0], 1], points[faces[f, 0], 2]
-        bx, by, bz = points[faces[f, 1], 0], points[faces[f, 1], 1], points[faces[f, 1], 2]
-        gx, gy, gz = points[faces[f, 2], 0], points[faces[f, 2], 1], points[faces[f, 2], 2]
-        if max(az, bz, gz) <= NEAR_M:
-            continue
-        # Compute the pixel bounds of a triangle's part in front of the camera, from its corners and its edges' near-plane crossings.
-        low_u, high_u, low_v, high_v = np.inf, -np.inf, np.inf, -np.inf
-        for edge in range(3):
-            p, q = points[faces[f, edge]], points[faces[f, (edge + 1) % 3]]
-            if p[2] > NEAR_M:
-                u, v = (fx * p[0] + skew * p[1]) / p[2] + cx, fy * p[1] / p[2] + cy
-                low_u, high_u, low_v, high_v = min(low_u, u), max(high_u, u), min(low_v, v), max(high_v, v)
-            if (p[2] > NEAR_M) != (q[2] > NEAR_M):
-                s = (NEAR_M - p[2]) / (q[2] - p[2])
-                x, y = p[0] + s * (q[0] - p[0]), p[1] + s * (q[1] - p[1])
-                u, v = (fx * x + skew * y) / NEAR_M + cx, fy * y / NEAR_M + cy
-                low_u, high_u, low_v, high_v = min(low_u, u), max(high_u, u), min(low_v, v), max(high_v, v)
-        if high_u < 0 or low_u > width - 1 or high_v < 0 or low_v > height - 1:
-            continue
-        left, right = int(np.ceil(max(low_u, 0.0))), int(np.floor(min(high_u, width - 1.0)))
-        top, bottom = int(np.ceil(max(low_v, 0.0))), int(np.floor(min(high_v, height - 1.0)))
-        # The sign of the dot product of a ray with b x c, c x a or a x b tells on which side of the triangle edge between these two corners
-        # the ray passes.
-        e0x, e0y, e0z = by * gz - bz * gy, bz * gx - bx * gz, bx * gy - by * gx
-        e1x, e1y, e1z = gy * az - gz * ay, gz * ax - gx * az, gx * ay - gy * ax
-        e2x, e2y, e2z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-        volume = ax * e0x + ay * e0y + az * e0z
-        if volume == 0.0:
-            continue
-        sign = 1.0 if volume > 0 else -1.0
-        for v in range(top, bottom + 1):
-            for u in range(left, right + 1):
-                x = rays[0, 0] * u + rays[0, 1] * v + rays[0, 2]
-                y = rays[1, 0] * u + rays[1, 1] * v + rays[1, 2]
-                first = sign * (x * e0x + y * e0y + e0z)
-                second = sign * (x * e1x + y * e1y + e1z)
-                third = sign * (x * e2x + y * e2y + e2z)
-                if first < 0.0 or second < 0.0 or third < 0.0:
-                    continue
-                total = first + second + third
-                if total <= 0.0:
-                    continue
-                z = sign * volume / total
-                if z > NEAR_M and z < depth[v, u]:
-                    depth[v, u] = z
-                    face[v, u] = f

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from radartwin.radar.detection import point_clouds
-from radartwin.radar.point_messages import FLOAT32, point_cloud2
+from radartwin.radar.point_messages import NAMES, POINT, packed
 from radartwin.radar.power_maps import power_maps
 from radartwin.radar.processing import decibels
 from radartwin.radar.recording import Recording
@@ -28,7 +28,7 @@ from radartwin.recordings.camera_pictures import Picture
 
 WORLD, SENSOR, CAMERA = "world", "radar", "camera"  # frame ids
 PIXELS_PER_DB = 100.0
-_POINT_FIELDS = {FLOAT32: fox.PackedElementFieldNumericType.Float32}
+_FLOAT32 = fox.PackedElementFieldNumericType.Float32
 _NUMBER = {"type": "number"}
 
 
@@ -79,12 +79,11 @@ def frame_messages(recording: Recording, frame: int, time_ns: int, floor_db: flo
         # The columns run from the left of the radar (positive azimuth) to its right.
         yield "/radar/range_azimuth", _picture_of_map(stamp, maps.range_azimuth[::-1], floor_db)
         (peaks,) = point_clouds(iq, radar)
-        cloud, (position, rotation) = point_cloud2(peaks), _pose(np.eye(4))
-        yield "/radar/points", fox.PointCloud(
-            timestamp=stamp, frame_id=SENSOR, pose=fox.Pose(position=position, orientation=rotation), point_stride=cloud.point_step,
-            fields=[fox.PackedElementField(name=f.name, offset=f.offset, type=_POINT_FIELDS[f.datatype]) for f in cloud.fields],
-            data=cloud.data,
-        )  # fmt: skip
+        position, rotation = _pose(np.eye(4))
+        fields = [fox.PackedElementField(name=name, offset=4 * n, type=_FLOAT32) for n, name in enumerate(NAMES)]
+        data = {"point_stride": POINT.itemsize, "fields": fields, "data": packed(peaks).tobytes()}
+        pose = fox.Pose(position=position, orientation=rotation)
+        yield "/radar/points", fox.PointCloud(timestamp=stamp, frame_id=SENSOR, pose=pose, **data)
 
 
 def picture_message(picture: Picture) -> Message:

@@ -9,9 +9,10 @@ Foxglove and rerun decode; range profiles are in JSON.
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO, cast
 
 from radartwin.constants import __version__
 from radartwin.errors import BackendError, OutputError
@@ -24,8 +25,6 @@ from radartwin.radar.recording import Recording
 from radartwin.recordings.camera_pictures import Picture
 
 if TYPE_CHECKING:
-    from mcap.writer import Writer
-
     from radartwin.recordings.foxglove import Message
 
 # Level of a black pixel. Foxglove shows the pixels 0 to 10,000 of a mono16 picture by default, which are the 100 dB above the floor.
@@ -52,30 +51,35 @@ def write_timeline(
         Number of messages by topic. A radar with one channel has no range-azimuth map and no points, a frame with one chirp has no
         range-Doppler map, and a recording without poses has no transform.
     Raises:
-        BackendError: the package mcap or foxglove-sdk is missing.
+        BackendError: the package foxglove-sdk is missing.
         InputError: a picture cannot be read or is not of the kind of its suffix.
         OutputError: the file cannot be written. No temporary file remains, and an existing file keeps its content.
     """
     path = Path(path)
     check_target(path)
-    from mcap.writer import Writer
+    from foxglove import Channel, Context, open_mcap
 
     files.sweep(files.make_folder(path.parent))
-    with files.replacing(path) as stream:
-        writer = Writer(stream)
-        writer.start(profile="", library=f"radartwin {__version__}")
-        floor_db = FLOOR_COUNTS_DB if recording.in_counts else FLOOR_DB
-        writer.add_metadata("radartwin", _metadata(recording, start_ns, floor_db))
-        counts = _add_messages(writer, _messages(recording, start_ns, floor_db, pictures or [], progress))
-        writer.finish()
-    return counts
+    context, floor_db = Context(), FLOOR_COUNTS_DB if recording.in_counts else FLOOR_DB
+    channels: dict[str, Channel] = {}
+    counts: Counter[str] = Counter()
+    with files.replacing(path) as stream, open_mcap(cast("BinaryIO", stream), context=context) as writer:
+        writer.write_metadata("radartwin", _metadata(recording, start_ns, floor_db))
+        for time_ns, topic, message in _messages(recording, start_ns, floor_db, pictures or [], progress):
+            if topic not in channels:
+                schema = message.get_schema()
+                encoding = "json" if schema.encoding == "jsonschema" else schema.encoding
+                channels[topic] = Channel(topic, schema=schema, message_encoding=encoding, context=context)
+            channels[topic].log(message.encode(), log_time=time_ns)
+            counts[topic] += 1
+    return dict(counts)
 
 
 def check_target(path: Path) -> None:
     """Check that an MCAP file can be written, before the recording is read.
 
     Raises:
-        BackendError: the package mcap or foxglove-sdk is missing.
+        BackendError: the package foxglove-sdk is missing.
         OutputError: the path is a folder or has another suffix than .mcap, or its folder cannot be written.
     """
     if path.is_dir():
@@ -85,28 +89,13 @@ def check_target(path: Path) -> None:
     files.check_folder(path.parent)
     try:
         import foxglove  # noqa: F401
-        import mcap.writer  # noqa: F401
     except ImportError as error:
-        raise BackendError("--mcap needs the packages foxglove-sdk and mcap; install them with pip install 'radartwin[mcap]'") from error
+        raise BackendError("--mcap needs the package foxglove-sdk; install it with pip install 'radartwin[mcap]'") from error
 
 
 def frame_time_ns(radar: Radar, frame: int, start_ns: int) -> int:
     """Return the time of the start of a frame in nanoseconds since 1970. The start is a whole number, so that no digit is lost."""
     return start_ns + round(frame * 1e9 / radar.frame_rate_hz)
-
-
-def _add_messages(writer: Writer, timeline: Iterator[tuple[int, str, Message]]) -> dict[str, int]:
-    """Add the messages of the timeline, with a channel and a schema for each topic that occurs. Return the number of messages by topic."""
-    channels: dict[str, int] = {}
-    counts: dict[str, int] = {}
-    for time_ns, topic, message in timeline:
-        if topic not in channels:
-            schema = message.get_schema()
-            encoding = "json" if schema.encoding == "jsonschema" else schema.encoding
-            channels[topic] = writer.register_channel(topic, encoding, writer.register_schema(schema.name, schema.encoding, schema.data))
-        writer.add_message(channels[topic], time_ns, message.encode(), time_ns, sequence=counts.get(topic, 0))
-        counts[topic] = counts.get(topic, 0) + 1
-    return counts
 
 
 def _messages(

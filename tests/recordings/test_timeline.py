@@ -69,8 +69,7 @@ def messages(path):
             expected = ("jsonschema", "json") if schema.name == "radartwin.RangeProfile" else ("protobuf", "protobuf")
             assert (schema.encoding, channel.message_encoding) == expected
             assert message.publish_time == message.log_time
-            assert message.sequence == len(out.setdefault(channel.topic, []))
-            out[channel.topic].append((message.log_time, decoded(schema, message.data)))
+            out.setdefault(channel.topic, []).append((message.log_time, decoded(schema, message.data)))
     return out
 
 
@@ -176,7 +175,6 @@ def test_metadata_name_radar_version_and_scale(tmp_path):
     write_timeline(recording(provenance={"kind": "made by hand"}), tmp_path / "a.mcap", start_ns=START_NS)
     with (tmp_path / "a.mcap").open("rb") as stream:
         reader = make_reader(stream)
-        assert reader.get_header().library == f"radartwin {rt.__version__}"
         (record,) = reader.iter_metadata()
     values = record.metadata
     assert rt.Radar.from_dict(json.loads(values["radar"])) == RADAR
@@ -247,10 +245,9 @@ def test_memory_does_not_grow_with_the_number_of_frames(tmp_path):
     assert peak_bytes(24) - peak_bytes(4) < 3e6  # a chunk of MCAP holds 1 MB before it is written
 
 
-@pytest.mark.parametrize("package", ["mcap.writer", "foxglove"])
-def test_missing_package_is_named(package, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, package, None)
-    words = ("foxglove-sdk and mcap", "pip install 'radartwin[mcap]'")
+def test_missing_package_is_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "foxglove", None)
+    words = ("foxglove-sdk", "pip install 'radartwin[mcap]'")
     refused(words, write_timeline, recording(), tmp_path / "a.mcap", error=BackendError)
 
 
