@@ -4,6 +4,7 @@
 |---|---|---|
 | .bin of the DCA1000, in one or more files (radartwin.radar.dca1000) | as described (radartwin.radar.word_order) | given, or beside it |
 | folder of the cascade's capture board (radartwin.radar.cascade_capture) | I before Q | given |
+| iq in the folder of a trace (radartwin.radar.roverd) | Q before I | given, or in the trace |
 | .npy cube, or .npz with the cube as `iq` and optional `poses` (F, 4, 4) | complex, or int16 with a last axis of I and Q | given |
 
 A capture of another tool has no amplitude calibration, so the samples of its recording are in ADC counts and its scale is 1. The receive
@@ -18,6 +19,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +30,7 @@ from radartwin.errors import InputError, MissingError, RecordingError
 from radartwin.io import files, scratch
 from radartwin.io.git_lfs import refuse_pointer
 from radartwin.io.one_line import plural
-from radartwin.radar import cascade_capture, dca1000, studio_log
+from radartwin.radar import cascade_capture, dca1000, roverd, studio_log
 from radartwin.radar.chirp import Radar
 from radartwin.radar.description_files import present, read_json
 from radartwin.radar.recording import Recording, gathered, recording_files
@@ -39,6 +41,7 @@ CUBES = (".npy", ".npz")  # suffixes of files with an array of samples
 EDGE_DB = 2.0  # smallest magnitude of band_edge_db that determines the sample order; real captures have 2.7 to 9.9 dB
 EDGE_FRAMES = 16  # number of frames that test whether I and Q are exchanged; in one frame of few chirps, band_edge_db is off by 1 to 2 dB
 _REORDERED_DB = 0.5  # smallest flattening of the spectrum by a wrong order of the words; noise has 0.1 dB, captures have 1 to 7 dB
+_GAP = 1.5  # a longer time between two frames, in frame periods, is a gap
 _UNSIGNED = 24576  # median magnitude of unsigned words that are read as signed; signed words are nearer to zero
 
 Say = Callable[[str], None]
@@ -51,18 +54,21 @@ class _Source:
     Attributes:
         path: the file that the provenance names.
         radar: radar that recorded the samples.
-        frames: number of whole frames.
+        frames: numbers of the frames that can be read.
         read: function that returns frames (count, chirp, tx, rx, sample) in counts as if I came first, from the number of the first frame
             and the number of frames.
-        sample_file: the files of a DCA1000 capture.
+        poses: poses of `frames`, or one pose.
+        sample_file: the files of a DCA1000 capture or of a trace.
+        times_s: times of all frames in seconds since 1970.
     """
 
     path: Path
     radar: Radar
-    frames: int
+    frames: range
     read: Callable[[int, int], NDArray[np.complex64]]
     poses: NDArray[np.float64] | None = None
     sample_file: dca1000.SampleFile | None = None
+    times_s: NDArray[np.float64] | None = None
 
 
 def load_capture(
@@ -79,8 +85,8 @@ def load_capture(
 
     Args:
         path: path of a recording of this package (without suffix, or with .bin or .json), of a .bin file of the DCA1000, of a folder of the
-            cascade's capture board, or of a .npy or .npz file. For a capture in several .bin files, the path of any of these files selects
-            the whole capture. A cube has the shape [chirp, sample], [chirp, channel, sample], [frame, chirp, channel, sample] or
+            cascade's capture board, of the channel iq of a trace, or of a .npy or .npz file. For a capture in several .bin files, the path
+            of any of these files selects the whole capture. A cube has the shape [chirp, sample], [chirp, channel, sample], [frame, chirp, channel, sample] or
             [frame, chirp, tx, rx, sample], with channels ordered by transmitter first.
         radar: a Radar or the path of a radar file. A cube and a capture of the cascade require `radar`; for a .bin file, `radar` replaces
             the .mmwave.json beside it.
@@ -98,6 +104,9 @@ def load_capture(
     bin_path, json_path = recording_files(path)
     for file in (path, bin_path):
         refuse_pointer(file)
+    is_trace = path.name == roverd.CHANNEL and path.is_file()
+    if is_trace and radar is None:
+        radar = roverd.radar_of(path.parent.parent)
     if path.suffix not in CUBES and not cascade_capture.is_cascade_capture(path) and radar is None:
         beside = read_json(json_path) if json_path.is_file() else {}
         if {"capturedFiles", "mmWaveDevices", "DCA1000Config"} & beside.keys():
@@ -105,7 +114,7 @@ def load_capture(
                 raise RecordingError(f"{json_path}: it holds no samples; {_instead(beside)}")
         elif json_path.is_file() or not bin_path.is_file():
             recording = Recording.load(path)
-            indices = _frame_range(path, recording.num_frames, frames)
+            indices = _frame_range(path, range(recording.num_frames), frames)
             return recording if frames == slice(None) else recording.part(indices)
         bin_path = dca1000.parts(bin_path)[0]
         radar = description_beside(bin_path)
@@ -121,7 +130,11 @@ def load_capture(
     if path.suffix in CUBES:
         source = _cube(path, radar)
     elif cascade_capture.is_cascade_capture(path):
-        source = _Source(path, radar, *cascade_capture.frame_reader(path, radar))
+        count, read = cascade_capture.frame_reader(path, radar)
+        source = _Source(path, radar, range(count), read)
+    elif is_trace:
+        source = _Source(path, radar, **roverd.opened(path, radar, cut, say))
+        description = description._replace(layout=replace(description.layout, q_first=True))
     elif not bin_path.is_file():
         raise MissingError(f"{bin_path}: no such recording; give a .bin, a .npy cube, or the stem of a recording")
     else:
@@ -189,16 +202,16 @@ def _instead(content: dict[str, Any]) -> str:
     return f"give {name}, and {'this file' if 'mmWaveDevices' in content else radar} as radar (--radar)"
 
 
-def _frame_range(path: Path, count: int, frames: slice) -> range:
-    if not (indices := range(count)[frames]):
-        raise RecordingError(f"{path}: it has {plural(count, 'frame')}, none of which is chosen; choose others with --frames")
+def _frame_range(path: Path, usable: range, frames: slice) -> range:
+    if not (indices := usable[frames]):
+        raise RecordingError(f"{path}: it has {plural(len(usable), 'frame')}, none of which is chosen; choose others with --frames")
     return indices
 
 
 def _recorded(source: _Source, description: Description, iq_swapped: bool | None, frames: range, say: Say) -> Recording:
     """Read the chosen frames of a capture as a recording in ADC counts, and add what its description and its log say."""
     radar, stated = source.radar, description.layout.q_first
-    logged = _log(source, description.frames, say) if source.sample_file is not None else {}
+    logged = _log(source, description.frames, say) if source.sample_file is not None and source.times_s is None else {}
     if description.board:
         say(f"board: {description.board}")
     edge = 0.0
@@ -224,7 +237,14 @@ def _recorded(source: _Source, description: Description, iq_swapped: bool | None
     iq = gathered(source.path, frames, dca1000.frame_shape(radar), read)
     board = {"board": description.board} if description.board else {}
     provenance = {"source": source.path.name, "unit": "counts", "band_edge_db": round(edge, 1), **board, **logged}
-    poses = source.poses[frames.start : frames.stop] if source.poses is not None and len(source.poses) == source.frames else source.poses
+    poses, first = source.poses, frames.start - source.frames.start
+    if poses is not None and len(poses) == len(source.frames):
+        poses = poses[first : first + len(frames)]
+    if source.times_s is not None:
+        times_s = source.times_s[frames.start : frames.stop]
+        if gaps := int(np.sum(np.diff(times_s) > _GAP / radar.frame_rate_hz)):
+            say(f"frames are missing at {gaps} places, where the times have gaps")
+        provenance["log"] = {"started": datetime.fromtimestamp(float(times_s[0]), UTC).isoformat(timespec="seconds"), "lost": len(lost)}
     if lost:
         say(f"{len(lost)} of {plural(len(frames), 'frame')} hold lost packets, which are zeros: frame {few(lost)}")
     return Recording(iq, radar, poses, scale=1.0, iq_swapped=bool(swapped), provenance=provenance)
@@ -241,15 +261,15 @@ def _log(source: _Source, configured: int, say: Say) -> dict[str, Any]:
             say(f"{log.lost} of {log.received + log.lost} packets were lost ({log.lost_bytes} bytes of zeros)")
         if log.out_of_sequence:
             say(f"{log.out_of_sequence} packets were out of sequence")
-    if more := {origin: count for origin, count in expected.items() if count > source.frames}:
+    if more := {origin: count for origin, count in expected.items() if count > len(source.frames)}:
         missing = ", ".join(f"{count} {origin}" for origin, count in more.items())
-        say(f"frames are missing: the capture holds {plural(source.frames, 'frame')}, {missing}")
+        say(f"frames are missing: the capture holds {plural(len(source.frames), 'frame')}, {missing}")
     return {**provenance, "frames": expected}
 
 
 def _test_frames(source: _Source) -> list[int]:
     """Return up to EDGE_FRAMES frames that are spread over a capture and hold no lost packets."""
-    spread, file = spread_frames(source.frames), source.sample_file
+    spread, file = [source.frames[n] for n in spread_frames(len(source.frames))], source.sample_file
     return [frame for frame in spread if file is None or not dca1000.lost_frames(file.words(frame, 1)).size]
 
 
@@ -262,7 +282,7 @@ def _dca1000(path: Path, radar: Radar, layout: Layout, cut: bool, say: Say) -> _
         raise RecordingError(f"{file.leftover(radar)}; it is truncated or belongs to another radar description; {hint}")
     if file.rest:
         say(f"the last frame is incomplete and dropped ({file.rest} of {file.frame_bytes} bytes)")
-    source = _Source(file.path, radar, file.frames, file.samples, sample_file=file)
+    source = _Source(file.path, radar, range(file.frames), file.samples, sample_file=file)
     words = np.concatenate([np.zeros((0, file.frame_bytes // 2), np.int16), *(file.words(n, 1) for n in _test_frames(source)[:4])])
     remedy = "correct the cf.json beside it" if described else "put the cf.json of the capture beside it"
     magnitudes = np.abs((words ^ np.int16(-32768) if layout.unsigned else words).astype(np.int32))
@@ -334,4 +354,4 @@ def _cube(path: Path, radar: Radar) -> _Source:
         real, imag = values.astype(np.float32)
         return real + np.complex64(1j) * imag
 
-    return _Source(path, radar, count, read, stored.get("poses"))
+    return _Source(path, radar, range(count), read, stored.get("poses"))

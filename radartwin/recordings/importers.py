@@ -1,7 +1,7 @@
 """Import captures from other tools into a recording set.
 
 A capture is a raw .bin file of the DCA1000 (with .mmwave.json and LogFile.csv beside it, possibly in several parts), a .npy or .npz cube,
-the radar of a roverd trace (radartwin/recordings/roverd.py), or a recording of this package. The recording conditions of a capture (object,
+the radar of a roverd trace (radartwin/radar/roverd.py), or a recording of this package. The recording conditions of a capture (object,
 distance and so on) come from values that hold for all captures, from a mapping file (radartwin/recordings/mapping.py), or from both.
 """
 
@@ -19,13 +19,12 @@ import numpy as np
 from radartwin.errors import InputError, MissingError, RecordingError
 from radartwin.io.files import inside
 from radartwin.io.progress import Progress
-from radartwin.radar import dca1000
+from radartwin.radar import dca1000, roverd
 from radartwin.radar.captures import CUBES, few, load_capture
 from radartwin.radar.chirp import Radar
 from radartwin.radar.description_files import present
 from radartwin.radar.recording import Recording
 from radartwin.radar.word_order import FULL_SCALE
-from radartwin.recordings import roverd
 from radartwin.recordings.card import CARD, KEYS, Card
 from radartwin.recordings.index import Row, describe, row_of
 from radartwin.recordings.mapping import CaptureMap, columns_of
@@ -186,15 +185,14 @@ def read_capture(
 
     The arguments `options` are those of `load_capture` (board, iq_swapped, cut), and the function raises its errors.
     """
-    if capture.name == roverd.CHANNEL:
-        return roverd.read_trace(capture, radar, frames=frames, **options)
     notes: list[str] = []
     recording = load_capture(capture, radar, frames=frames, say=notes.append, **options)
-    if "frames" not in recording.provenance or capture.suffix in CUBES:
+    provenance = recording.provenance
+    if not {"frames", "log"} & provenance.keys() or capture.suffix in CUBES:
         if recording.scale == 1.0 and not _whole(recording):
             recording.scale = None  # with None, saving scales the samples to their peak, so that rounding to int16 loses little
         return recording, {}, notes
-    if (log := recording.provenance.get("log")) is None:
+    if (log := provenance.get("log")) is None:
         return recording, {}, ["it has no LogFile.csv, so the number of lost packets is unknown", *notes]
     return recording, {"started": log["started"] or "", "lost_packets": str(log["lost"])}, notes
 

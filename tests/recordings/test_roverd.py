@@ -13,7 +13,7 @@ import pytest
 import yaml
 from made_files import edit_json
 
-from radartwin.recordings import roverd
+from radartwin.radar import roverd
 from radartwin.recordings.recording_set import RecordingSet
 
 CHIRPS, TX, RX, SAMPLES, FRAMES = 8, 3, 4, 64, 6
@@ -45,7 +45,6 @@ def write_trace(trace: Path, iq: np.ndarray, mask: np.ndarray | None = None) -> 
     (trace / "lidar" / "rng").write_bytes(b"not a radar")
     raw.tofile(trace / "radar" / "iq")
     (START_S + 0.05 * np.arange(len(iq))).tofile(trace / "radar" / "ts")
-    np.ones(len(iq), "u1").tofile(trace / "radar" / "valid")
     channels = {"iq": {"format": "raw", "type": "i2", "shape": [CHIRPS, TX, RX, 2 * SAMPLES], "desc": "Raw I/Q stream."}}
     (trace / "radar" / "meta.json").write_text(json.dumps(channels))
     (trace / "config.yaml").write_text(yaml.safe_dump({"radar": {"type": "radar", "args": {"radar": WAVEFORM, "capture": {}}}}))
@@ -64,7 +63,7 @@ def test_imported_trace_has_the_samples_radar_and_poses_of_the_trace(tmp_path: P
     done = inside("import", "data", "--out", "set", *ABOUT)
     assert done.returncode == 0, done.stderr
     assert done.stdout == "set: 1 recording added, 1 in all\n"
-    assert "2 of 6 frames have no pose and are left out" in done.stderr
+    assert "2 of 6 frames have no pose" in done.stderr
     (row, recording) = next(RecordingSet.load(tmp_path / "set").recordings())
     assert row.recording == "baker.1.fwd"
     assert row.extra == {"started": "2023-11-14T22:13:20+00:00", "lost_packets": "0"}
@@ -93,7 +92,7 @@ def test_chosen_frames_are_imported(tmp_path: Path, inside) -> None:
         assert inside("import", "walk", "--out", "other", "--frames", words, *ABOUT).returncode == 2
     done = inside("import", "walk", "--out", "other", "--frames", "9:", *ABOUT)
     assert done.returncode == 2
-    assert "no frame is left of 6; choose other frames with --frames" in done.stderr
+    assert "it has 6 frames, none of which is chosen; choose others with --frames" in done.stderr
 
 
 def test_older_type_names_lost_frames_and_gaps_are_accepted(tmp_path: Path, inside) -> None:
@@ -102,14 +101,11 @@ def test_older_type_names_lost_frames_and_gaps_are_accepted(tmp_path: Path, insi
     write_trace(tmp_path / "trace", iq)
     meta = tmp_path / "trace/radar/meta.json"
     meta.write_text(meta.read_text().replace('"i2"', '"i16"'))
-    valid = np.ones(len(iq), "u1")
-    valid[3] = 0
-    valid.tofile(tmp_path / "trace/radar/valid")
     times = START_S + 0.05 * np.arange(len(iq))
     times[100:] += 1
     times.tofile(tmp_path / "trace/radar/ts")
     done = inside("import", "trace", "--out", "set", *ABOUT)
-    assert "1 of 170 frames have lost packets, which are zeros" in done.stderr
+    assert "1 of 170 frames hold lost packets, which are zeros" in done.stderr
     assert "frames are missing at 1 places" in done.stderr
     assert inside("doctor", "--data", "set").returncode == 0
 

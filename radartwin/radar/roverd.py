@@ -6,7 +6,6 @@ A trace is a folder with one folder for each sensor. This module reads these fil
     radar/meta.json        format, type and shape of each channel: {"iq": {"format": "raw", "type": "i2", "shape": [64, 3, 4, 512]}, ...}
     radar/iq               int16 samples [frame, chirp, tx, rx, 2 * sample], in the order Q0 Q1 I0 I1, Q2 Q3 I2 I3, ...
     radar/ts               float64 start time of each frame, seconds since 1970
-    radar/valid            uint8, 0 for a frame with lost packets, which are zeros; optional
     _radar/pose.npz        poses at the times t (N,): pos (N, 3) in metres, rot (N, 3, 3), and mask (F,), the frames with a pose; optional
 
 The samples have the layout of a DCA1000 .bin with Q before I, so that an imported recording has the same bytes as the channel.
@@ -20,7 +19,7 @@ rig, so that the distance from the rig to the radar is ignored. The transmitters
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -30,81 +29,49 @@ from radartwin.errors import InputError, RecordingError
 from radartwin.io import files
 from radartwin.radar import dca1000
 from radartwin.radar.boards import IWR1642BOOST, IWR1843BOOST
-from radartwin.radar.captures import band_edge_db
 from radartwin.radar.chirp import Radar
 from radartwin.radar.description_files import present, read_json, read_yaml
-from radartwin.radar.recording import Recording, gathered
 from radartwin.radar.word_order import Layout
 
 CHANNEL = "iq"
 # Boards by the device names of xwr; AWR1843L is an AWR1843 without TX2.
 _BOARDS = {"AWR1843": IWR1843BOOST, "AWR1843L": IWR1843BOOST.part((0, 2), range(4)), "AWR1642": IWR1642BOOST}
-_GAP = 1.5  # a longer time between two frames, in frame periods, is a gap
 
 
-def read_trace(
-    channel: Path,
-    radar: Radar | str | Path | None = None,
-    *,
-    board: str | None = None,
-    iq_swapped: bool | None = None,
-    cut: bool = False,
-    frames: slice = slice(None),
-) -> tuple[Recording, dict[str, str], list[str]]:
-    """Read the radar of a trace. Frames without a pose are left out if the trace has poses.
+def opened(channel: Path, radar: Radar, cut: bool, say: Callable[[str], None]) -> dict[str, Any]:
+    """Open the channel iq of a trace, TRACE/radar/iq, and return its frames, their poses and times, and the file of its samples.
+
+    If the trace has poses, only the longest run of frames with a pose is used.
 
     Args:
-        channel: path of the channel iq, TRACE/radar/iq.
-        radar: the radar or its file; None reads config.yaml of the trace.
-        board: name of the board, if `radar` is a .cfg or a .mmwave.json.
-        iq_swapped: whether Q comes before I; None takes the order of the format, Q before I.
         cut: True drops an incomplete frame and frames without a time at the end; False makes them an error.
-        frames: the frames to read, as a slice without a step.
-    Returns:
-        The recording in ADC counts, further index columns, and notes (one line of text each).
+        say: function that receives notes, one line of text each.
     Raises:
         MissingError: a file of the trace is missing.
         RecordingError: files of the trace are damaged, or contradict each other or the radar.
     """
-    folder, trace = channel.parent, channel.parent.parent
-    if not isinstance(radar, Radar):
-        radar = radar_of(trace) if radar is None else Radar.described(radar, board)[0]
+    folder = channel.parent
     described = read_json(folder / "meta.json").get("iq")
     if not isinstance(described, dict) or described.get("format") != "raw" or str(described.get("type")).lstrip("<") not in ("i2", "i16"):
         raise RecordingError(f"{folder / 'meta.json'}: it describes no channel iq of format raw and type i2; copy the whole trace")
     shape, expected = described.get("shape"), [*dca1000.frame_shape(radar)[:-1], 2 * radar.num_samples]
     if shape != expected:
         raise RecordingError(f"{folder / 'meta.json'}: iq has shape {shape}, not {expected} of radar {radar.name}; give its radar")
-    swapped = iq_swapped is not False
-    stored = dca1000.SampleFile([channel], radar, Layout(real=radar.real_sampling, q_first=swapped))
+    stored = dca1000.SampleFile([channel], radar, Layout(real=radar.real_sampling, q_first=False))
     times = np.fromfile(present(folder / "ts", "copy the whole trace"), "<f8")
     if not cut and (stored.rest or len(times) < stored.frames):
         raise RecordingError(f"{stored.leftover(radar)}, and {folder / 'ts'} holds {len(times)} times; drop the end with --cut")
-    notes = [f"the last frame is incomplete and dropped ({stored.rest} of {stored.frame_bytes} bytes)"] if stored.rest else []
-    indices, poses = np.arange(min(stored.frames, len(times)))[frames], None
-    if (path := trace / "_radar" / "pose.npz").is_file():
+    if stored.rest:
+        say(f"the last frame is incomplete and dropped ({stored.rest} of {stored.frame_bytes} bytes)")
+    frames, poses = range(min(stored.frames, len(times))), None
+    if (path := folder.parent / "_radar" / "pose.npz").is_file():
         mask, poses = _poses(path, len(times))
-        posed = indices[mask[indices]]
-        if left_out := len(indices) - len(posed):
-            notes.append(f"{left_out} of {len(indices)} frames have no pose and are left out")
-        indices, poses = posed, poses[np.cumsum(mask)[posed] - 1]
-    if not len(indices) or np.any(np.diff(indices) != 1):
-        what = "no frame is left" if not len(indices) else "the frames with a pose are not contiguous"
-        raise RecordingError(f"{channel}: {what} of {stored.frames}; choose other frames with --frames")
-    if gaps := int(np.sum(np.diff(times[indices]) > _GAP / radar.frame_rate_hz)):
-        notes.append(f"frames are missing at {gaps} places, where the times have gaps")
-    columns = {"started": datetime.fromtimestamp(float(times[indices[0]]), UTC).isoformat(timespec="seconds")}
-    if (folder / "valid").is_file():
-        valid = np.pad(np.fromfile(present(folder / "valid"), "u1"), (0, stored.frames))  # a frame without a value counts as incomplete
-        lost = int(np.count_nonzero(valid[indices] == 0))
-        columns["lost_packets"] = str(lost)  # each of these frames lacks at least one packet
-        notes += [f"{lost} of {len(indices)} frames have lost packets, which are zeros"] if lost else []
-    iq = gathered(channel, range(int(indices[0]), int(indices[-1]) + 1), stored.shape, stored.samples)
-    provenance = {
-        "source": f"{trace.resolve().name}/{folder.name}/{channel.name}", "unit": "counts", "format": "roverd",
-        "first_frame": int(indices[0]), "band_edge_db": round(band_edge_db(iq[0]), 1),
-    }  # fmt: skip
-    return Recording(iq, radar, poses, scale=1.0, iq_swapped=swapped, provenance=provenance), columns, notes
+        runs = np.flatnonzero(np.diff(np.concatenate([[0], mask[: len(frames)], [0]]))).reshape(-1, 2)
+        start, stop = runs[np.argmax(np.diff(runs, axis=1))].tolist() if len(runs) else (0, 0)
+        if left_out := len(frames) - (stop - start):
+            say(f"{left_out} of {len(frames)} frames have no pose, or precede or follow a frame without a pose, and are left out")
+        frames, poses = range(start, stop), poses[np.count_nonzero(mask[:start]) :][: stop - start]
+    return {"frames": frames, "read": stored.samples, "poses": poses, "sample_file": stored, "times_s": times}
 
 
 def radar_of(trace: Path) -> Radar:
