@@ -92,19 +92,14 @@ def add_layout(config: SceneConfig, room: Scene, sensor_pose: np.ndarray) -> Sce
         sensor_pose: sensor-to-world pose (4, 4), needed for sentences such as "in front of the radar".
     Raises:
         MissingError, LayoutError: the layout file is absent, or an object cannot stand where the layout puts it.
-        BackendError: the language model that reads the sentence does not answer.
     """
     if not (config.layout or config.sentence):
         return room
-    from radartwin.io.chat import Endpoint
-    from radartwin.scene.layouts.language_model import read_sentence
+    from radartwin.scene.layouts.grammar import parse
     from radartwin.scene.layouts.layout import Layout
     from radartwin.scene.layouts.place import furnish
 
-    if config.layout:
-        return furnish(room, Layout.load(config.layout), sensor_pose)
-    endpoint = Endpoint(config.llm_url, config.llm_model) if config.llm_url and config.llm_model else None
-    return furnish(room, read_sentence(str(config.sentence), room, sensor_pose, endpoint), sensor_pose)
+    return furnish(room, Layout.load(config.layout) if config.layout else parse(str(config.sentence)), sensor_pose)
 
 
 def describe_room(room: Scene, scene: SceneConfig, materials: MaterialsConfig) -> dict[str, Any]:

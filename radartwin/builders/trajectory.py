@@ -96,7 +96,7 @@ def read_poses(config: FileTrajectory) -> Track:
     """
     rotation = Rotation.from_euler("xyz", config.mount_deg or (0, 0, 0), degrees=True).as_matrix()
     mount = trajectory.pose(config.mount_m or (0, 0, 0), rotation)
-    return read_track(config.path, config.axes, config.topic, config.frame).mounted(mount)  # type: ignore[arg-type]
+    return read_track(config.path, config.axes, config.topic).mounted(mount)  # type: ignore[arg-type]
 
 
 def check_course(scene: Scene, radar: Radar, course: Course) -> None:

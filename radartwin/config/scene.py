@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from radartwin.config.checked_fields import check_fields, check_selector, choice, path_name, positive, triple, url
+from radartwin.config.checked_fields import check_fields, check_selector, choice, path_name, positive, triple
 from radartwin.errors import ConfigError
 
 ROOMS = ("lab", "atrium", "squash_court")
@@ -24,8 +24,6 @@ class SceneConfig:
     stand: bool = False  # whether a turntable disc on a post stands under the target
     layout: str | None = path_name()  # furniture layout file (YAML): objects placed in the room (radartwin/scene/layouts/layout.py)
     sentence: str | None = None  # objects in the room in words: "a mug on the table 1.5 m in front of the door"
-    llm_url: str | None = url("set RADARTWIN_LLM_KEY instead")  # language-model server for sentences that the built-in grammar cannot read
-    llm_model: str | None = None
 
     def __post_init__(self) -> None:
         check_selector("scene.name", self.name, *self.NAMES)
@@ -33,8 +31,6 @@ class SceneConfig:
         self._check_target()
         if self.layout and self.sentence:
             raise ConfigError("scene.layout and scene.sentence both place objects; give one of them")
-        if (self.llm_url or self.llm_model) and not (self.llm_url and self.llm_model and self.sentence):
-            raise ConfigError("scene.llm_url and scene.llm_model apply only together with scene.sentence; give all three")
 
     def _check_target(self) -> None:
         if self.target not in SHAPES:

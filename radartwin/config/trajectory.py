@@ -99,7 +99,6 @@ class FileTrajectory(TrajectoryConfig):
     start_s: float = not_negative(0.0)  # time from the first pose in the file to the first simulated frame, in seconds
     axes: str = choice("sensor", "optical")  # axes of the poses in the file: sensor (x forward, z up) | optical (z forward, y down)
     topic: str | None = None  # ROS topic that contains the poses in a ROS bag
-    frame: str | None = None  # name of the coordinate frame in a ROS bag's transforms whose motion gives the poses
     mount_m: list[float] | None = triple("three numbers")  # radar position [x,y,z] in the coordinate frame of the file's poses, metres
     mount_deg: list[float] | None = triple("three numbers")  # roll, pitch and yaw of the radar in the frame of the file's poses
 

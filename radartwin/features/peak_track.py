@@ -89,11 +89,7 @@ def excursion(track_m: Real) -> float:
 
 
 def _strongest_path(power: Real, searched: NDArray[np.bool_], step: int) -> NDArray[np.intp]:
-    """Select the sequence of range bins (F,) with the highest sum of log powers.
-
-    The search may also use range bins outside the search window, which count with a very low power. A solution therefore exists even if the
-    search window jumps.
-    """
+    """Select the sequence of range bins (F,) with the highest sum of log powers."""
     tiny = np.finfo(np.float64).tiny
     level = np.log(np.maximum(power, tiny))
     level -= level.max()

@@ -48,11 +48,7 @@ class FeatureSet:
 
 
 def feature_set(name: str) -> tuple[str, ...]:
-    """Return the names of all families of a feature set.
-
-    Raises:
-        ConfigError: the feature set is unknown. PluginError: a plug-in of this name cannot be used.
-    """
+    """Return the names of all families of a feature set."""
     plugin = plugins.find(plugins.FEATURES, name, SETS)
     if plugin is not None:
         provided = plugged_in(plugin)
@@ -81,8 +77,6 @@ def families(name: str, without: Sequence[str] = ()) -> tuple[str, ...]:
     Args:
         name: name of the feature set.
         without: names of the families to exclude.
-    Raises:
-        ConfigError: the feature set or a family is unknown, or no family remains.
 
     >>> families("depth", ["window", "brightness"])
     ('track', 'multipath', 'extent')

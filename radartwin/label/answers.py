@@ -112,8 +112,6 @@ def read_answer(text: str | Mapping[str, Any], kind: Kind, names: bool = False) 
     Args:
         names: True to replace a material outside the MINC categories by its closest MINC category, if `radartwin.materials.names` knows
             the material.
-    Raises:
-        LabelError: the answer violates the schema; the error message can be sent to the model so that it answers again.
 
     >>> read_answer('Sure: {"material": "wood", "finish": "smooth", "confidence": 0.9, "reason": "grain"}', "surface").material
     'wood'
@@ -174,11 +172,7 @@ def specified(answer: Answer) -> Resolved | None:
 
 
 def _build_up(resolved: Resolved, entry: Row) -> str | Layered:
-    """Return the usual layers of the named material `resolved`. The row `entry` belongs to the MINC category in the answer.
-
-    The function uses the layers that belong to the name itself (its MINC category or BUILD_UPS). Otherwise it uses a sheet of the named
-    material that is as thick as the sheet in `entry`, or the common sheet or half-space of the named material.
-    """
+    """Return the usual layers of the named material `resolved`. The row `entry` belongs to the MINC category in the answer."""
     if isinstance(resolved.material, Layered):
         return resolved.material
     if resolved.material in BUILD_UPS and resolved.name not in PERMITTIVITY and resolved.category is None:
@@ -220,9 +214,7 @@ def _first_object(text: str) -> dict[str, Any]:
 
 
 def _closest_category(name: str) -> str:
-    """Return the closest MINC category of a material name outside MINC: the category that the name stands for, else a category with the
-    same material, else `other`.
-    """
+    """Return the MINC category that a name outside MINC stands for, else a category with the same material, else `other`."""
     try:
         resolved = resolve(name)
     except MaterialError:

@@ -90,11 +90,7 @@ class Views:
         return out
 
     def _selected(self, views: list[_View]) -> list[tuple[_View, bool]]:
-        """Select the views of one surface that become crops, each with a flag that is True for the crop with the wide margin.
-
-        The last selected view has a wide margin around the surface. If too few views are available, the best view is used a second time, as
-        the last view.
-        """
+        """Select the views of one surface that become crops, each with a flag that is True for the crop with the wide margin."""
         selected = _spread(views, self.count)
         if self.count == 1 or not selected:
             return [(view, False) for view in selected]
@@ -167,9 +163,7 @@ class Views:
         return clear or views
 
     def _free(self, index: int, centre: np.ndarray, direction: np.ndarray) -> float:
-        """Return how far (in metres) a camera may move from the surface along `direction` before another surface hides it; inf if
-        unlimited.
-        """
+        """Return how far (in metres) a camera may move from the surface along `direction` before another surface hides it."""
         camera = Camera.looking(centre, centre + direction, 2.0, 1)
         seen = self._coarse.seen(camera)
         return 0.9 * float(seen.depth[0, 0]) if self._coarse.surfaces(seen)[0, 0] != index else np.inf
@@ -195,11 +189,7 @@ class Views:
 
 
 def _directions(normal: np.ndarray | None, steep: bool) -> np.ndarray:
-    """Return unit vectors (N, 3) from a surface towards the camera: at 15, 40 and 60 degrees from the normal of a flat surface.
-
-    A surface that is not flat (`normal` is None) gets directions all around it. A camera on the normal would not show the surroundings of
-    the surface. `steep` adds directions at 75 degrees, for a large surface that fills every picture.
-    """
+    """Return unit vectors (N, 3) from a surface towards the camera: at 15, 40 and 60 degrees from the normal of a flat surface."""
     if normal is None:
         tilt, count = np.radians([60.0, 80.0]), 8
         axis = np.array([0.0, 0.0, 1.0])

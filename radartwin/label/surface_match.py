@@ -115,11 +115,7 @@ def _votes(places: Sequence[Place], among: Sequence[Place]) -> list[np.ndarray]:
 
 
 def _spread_points(corners: np.ndarray, weight: np.ndarray, count: int) -> np.ndarray:
-    """Return `count` points (count, 3) on triangles (F, 3, 3), spread evenly in proportion to the triangles' `weight` (F,).
-
-    The function uses no random numbers: within a triangle the points follow the R2 sequence (M. Roberts 2018, a Kronecker sequence of the
-    plastic number).
-    """
+    """Return `count` points (count, 3) on triangles (F, 3, 3), spread evenly in proportion to the triangles' `weight` (F,)."""
     cumulative = np.cumsum(weight)
     index = np.arange(count)
     face = np.searchsorted(cumulative, (index + 0.5) / count * cumulative[-1])

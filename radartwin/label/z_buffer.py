@@ -179,9 +179,7 @@ class _Texture:
 
 
 def _appearance(mesh: trimesh.Trimesh) -> tuple[np.ndarray, _Texture | None, float]:
-    """Return (corner colours (F, 3, 3) of a mesh, its texture or None, brightness at grazing incidence); with a texture, colours are
-    white.
-    """
+    """Return corner colours (F, 3, 3) of a mesh (white with a texture), its texture or None, and the brightness at grazing incidence."""
     visual, faces = mesh.visual, np.asarray(mesh.faces)
     kind = getattr(visual, "kind", None)
     flat = np.ones((len(faces), 3, 3), np.float32)

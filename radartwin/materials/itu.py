@@ -97,8 +97,6 @@ def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
         frequency_hz: frequencies (...,) in Hz.
     Returns:
         Complex relative permittivity (...,).
-    Raises:
-        MaterialError: the name is unknown, or neither the material nor its substitute has a fit at a frequency.
     Warns:
         StandInWarning: a substitute replaces the material. The warning appears once per material and process, unless a warning filter
             requests every warning.
@@ -136,10 +134,7 @@ def _ranges(name: str) -> str:
 
 
 def _warn(name: str, stand_in: str) -> None:
-    """Warn that `stand_in` replaces the material `name`, once per process.
-
-    Python's own "once" filter would repeat the warning after each change of filters and for each calling line.
-    """
+    """Warn that `stand_in` replaces the material `name`, once per process."""
     action = next(
         (
             action

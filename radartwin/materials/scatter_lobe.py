@@ -64,11 +64,7 @@ def cross_section(roughness_m: float, correlation_m: float, wavenumber: float, c
 
 @compiled
 def _series(g, t):
-    """Return the sums over n >= 1 of exp(-g) g^n/n! exp(-t/n)/n, for g and t of shape (N,).
-
-    For a large g, the terms are smooth in n. The function then computes only one term in each interval of n whose width is an eighth of the
-    standard deviation of n, and multiplies this term by the number of terms in the interval.
-    """
+    """Return the sums over n >= 1 of exp(-g) g^n/n! exp(-t/n)/n, for g and t of shape (N,)."""
     out = np.zeros(len(g))
     for i in range(len(g)):
         if g[i] <= 0:
@@ -130,9 +126,7 @@ def lobe_width(roughness_m: float, correlation_m: float, wavenumber: float) -> f
 
 @lru_cache(maxsize=1024)
 def _collected(roughness_m: float, correlation_m: float, wavenumber: float) -> CubicSpline:
-    """Return a function of the angle of incidence in radians: the logarithm of the power of Kirchhoff's approximation over the half-space,
-    divided by the power that Ament's factor removes.
-    """
+    """Return a function of the angle of incidence: log of the power over the half-space over the power that Ament's factor removes."""
     incidence = np.linspace(0, np.arccos(COS_GRAZING), _INCIDENCES)
     cosine = np.cos(incidence)[:, None, None]
     sine = np.sin(incidence)[:, None, None]

@@ -54,8 +54,6 @@ def element_gain(element: str, directions: ArrayLike) -> NDArray[np.float64]:
         directions: vectors (..., 3) in the sensor frame that point away from the radar, of any length above zero.
     Returns:
         Amplitude gain (...,). "isotropic" gives 1 in all directions; "iwr1843" gives 0 in the plane of the board and behind it.
-    Raises:
-        InputError: the element is unknown, or the shape of `directions` is not (..., 3).
 
     >>> float(np.round(20 * np.log10(element_gain("iwr1843", [1.0, 0.0, 0.0])), 2))
     10.5
@@ -74,10 +72,7 @@ def element_gain(element: str, directions: ArrayLike) -> NDArray[np.float64]:
 
 
 def _hyperbola(half_power_deg: float, quarter_power_deg: float) -> tuple[float, float]:
-    """Return the constants (1/b^2, a) of the hyperbola a (sqrt(1 + (s/b)^2) - 1), from the angles of 3 dB and 6 dB loss.
-
-    The angle of 6 dB must be less than twice the angle of 3 dB.
-    """
+    """Return the constants (1/b^2, a) of the hyperbola a (sqrt(1 + (s/b)^2) - 1), from the angles of 3 dB and 6 dB loss."""
     near, far = (2 * (1 - math.cos(math.radians(degrees))) for degrees in (half_power_deg, quarter_power_deg))  # (2 sin(psi/2))^2
     # The loss is 3 dB at `near` and 6 dB at `far` if sqrt(1 + near/b^2) = k / (4 - k), with k = far/near.
     ratio = far / near

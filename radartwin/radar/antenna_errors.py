@@ -101,10 +101,7 @@ class AntennaErrors:
 
 @compiled
 def _raise(first, last, directions, peak, side, back, gains):
-    """Raise the gains (N,) of the directions `first` to `last` - 1 of `directions` (N, 3) to the floor.
-
-    The levels `side` and `back` of the floor are decimal logarithms of an amplitude relative to `peak`.
-    """
+    """Raise the gains (N,) of the directions `first` to `last` - 1 of `directions` (N, 3) to the floor."""
     front = peak * 10**side
     for i in range(first, last):
         x, y, z = directions[i, 0], directions[i, 1], directions[i, 2]

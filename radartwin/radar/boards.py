@@ -71,8 +71,6 @@ def board_of_channels(
         azimuth, elevation: place of each channel to the left (+y) and upwards (+z), in half wavelengths.
         signs: 1 or -1 for each channel; an empty list stands for 1.
         receivers: number of receivers.
-    Raises:
-        RecordingError: the lists differ in length, or no positions of transmitters and receivers have these channels as their sums.
     """
     try:
         channels = np.stack([np.array(azimuth, float), np.array(elevation, float)], axis=-1).reshape(-1, receivers, 2)
@@ -91,9 +89,7 @@ def board_of_channels(
 
 
 def _row_board(name: str, design_frequency_hz: float, tx: Sequence[tuple[int, int]], rx: Sequence[int] = range(4)) -> Board:
-    """Build a board whose receivers form a row. The (azimuth, elevation) of each transmitter and the azimuth of each receiver are in half
-    wavelengths at `design_frequency_hz`.
-    """
+    """Build a board from the (azimuth, elevation) of its transmitters and the azimuth of its receivers in half wavelengths."""
     azimuth, elevation = zip(*((y + n, z) for y, z in tx for n in rx), strict=True)
     return board_of_channels(name, SPEED_OF_LIGHT / design_frequency_hz / 2, azimuth, elevation, receivers=len(rx))
 

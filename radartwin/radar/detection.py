@@ -106,11 +106,7 @@ def point_clouds(iq: Complex, radar: Radar, *, static_removed: bool = False, ang
 
 
 def _covariance(block: Complex, cells: PeakCells, radar: Radar) -> Covariance:
-    """Return the covariance matrices (cell, channel, channel) over the frames of Doppler spectra (frame, Doppler, tx, rx, range).
-
-    `doppler_fft` has compensated the TDM phase only for the velocity of the Doppler bin, so this function compensates the phase of the
-    remaining velocity, which is the velocity of the peak minus the velocity of the bin.
-    """
+    """Return the covariance matrices (cell, channel, channel) over the frames of Doppler spectra (frame, Doppler, tx, rx, range)."""
     residual_hz = 2 * cells.residual_mps * radar.center_frequency_hz / SPEED_OF_LIGHT
     phasor = np.exp(-2j * np.pi * residual_hz[:, None] * radar.chirp_times()[0])
     snapshots = block[:, cells.doppler, :, :, cells.range]  # (cell, frame, tx, rx), NumPy's order for separated indices

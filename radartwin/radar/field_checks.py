@@ -42,8 +42,6 @@ def from_mapping(kind: Any, name: str, values: Any) -> Any:
         kind: the dataclass to instantiate.
         name: name of the mapping in error messages.
         values: mapping from field names to field values.
-    Raises:
-        InputError: `values` is not a mapping, or it has an unknown, missing or invalid field.
     """
     if not isinstance(values, Mapping):
         raise InputError(f"{name}: expected a mapping of fields, not {reprlib.repr(values)}")

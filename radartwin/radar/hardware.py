@@ -198,10 +198,7 @@ class Hardware:
         return (clipped * np.float32(self.scale)).view(np.complex64), saturated
 
     def _imaged(self, iq: NDArray[np.complex64], radar: Radar) -> NDArray[np.complex64]:
-        """Return the part of the samples whose image passes the IF filter.
-
-        The function assumes that the transition of the filter at zero beat frequency is as wide as its transition at the band edge.
-        """
+        """Return the part of the samples whose image passes the IF filter."""
         if not self.image_filtered or self.if_filter is None:
             return iq
         from scipy import fft
@@ -219,11 +216,7 @@ def _leakage_and_channels(hardware: Hardware, radar: Radar) -> tuple[NDArray[np.
 
 @functools.lru_cache(maxsize=8)
 def _beats(radar: Radar) -> NDArray[np.float64]:
-    """Return the beat frequency of each of the N range bins of a chirp, shape (N,), in Hz. With real sampling, the upper half of the bins
-    repeats the lower half.
-
-    With complex sampling, the last 2 % of the bins get 0 Hz, because near echoes leak into them.
-    """
+    """Return the beat frequency (N,) of each range bin in Hz. The last 2 % get 0 Hz, because near echoes leak into them."""
     line = np.arange(radar.num_samples) / radar.num_samples
     if radar.real_sampling:
         return np.minimum(line, 1 - line) * radar.sample_rate_hz
@@ -232,10 +225,7 @@ def _beats(radar: Radar) -> NDArray[np.float64]:
 
 @functools.lru_cache(maxsize=8)
 def _nodes(radar: Radar) -> tuple[tuple[float, ...], NDArray[np.float32]]:
-    """Return the K delays of the computed phase errors, and the weights (K, N) that interpolate to the delays of the N spectral lines.
-
-    The phase errors that are interpolated have an error of at most 0.3 % over the band of the radar `iwr1843`.
-    """
+    """Return the K delays of the computed phase errors, and the weights (K, N) that interpolate to the delays of the N spectral lines."""
     longest = radar.band_hz / radar.slope_hz_per_s
     nodes = tuple(share * longest for share in _NODES)
     return nodes, interpolation(_beats(radar) / radar.slope_hz_per_s, nodes).astype(np.float32)

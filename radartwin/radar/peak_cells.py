@@ -142,10 +142,7 @@ def _without_sidelobes(cells: NDArray[np.intp], power: Real, radar: Radar) -> ND
 
 
 def _skirt(size: int, bins: int) -> Real:
-    """Return the highest window sidelobe at or beyond each distance of 0 to bins - 1 bins from a peak, (bins,).
-
-    The sidelobes are given as power divided by the power of the peak.
-    """
+    """Return the highest window sidelobe at or beyond each distance of 0 to bins - 1 bins from a peak, (bins,)."""
     fine = 8
     response = np.abs(np.fft.fft(hann(size), PADDING * size * fine)) ** 2
     response = response[: response.size // 2 + 1]

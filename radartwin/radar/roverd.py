@@ -46,9 +46,6 @@ def opened(channel: Path, radar: Radar, cut: bool, say: Callable[[str], None]) -
     Args:
         cut: True drops an incomplete frame and frames without a time at the end; False makes them an error.
         say: function that receives notes, one line of text each.
-    Raises:
-        MissingError: a file of the trace is missing.
-        RecordingError: files of the trace are damaged, or contradict each other or the radar.
     """
     folder = channel.parent
     described = read_json(folder / "meta.json").get("iq")
@@ -75,12 +72,7 @@ def opened(channel: Path, radar: Radar, cut: bool, say: Callable[[str], None]) -
 
 
 def radar_of(trace: Path) -> Radar:
-    """Build the radar of a trace from its config.yaml: times in us, slope in MHz/us, sample rate in ksps, frame period in ms.
-
-    Raises:
-        MissingError: config.yaml does not exist.
-        RecordingError: config.yaml lacks a setting of the radar, or names another device.
-    """
+    """Build the radar of a trace from its config.yaml: times in us, slope in MHz/us, sample rate in ksps, frame period in ms."""
     path = present(trace / "config.yaml", "copy it, or give the radar with --radar")
     sensors: Any = read_yaml(path, "sensors")
     try:

@@ -67,9 +67,7 @@ class Split:
         object.__setattr__(self, "unlabelled", self.test.unlabelled())
 
     def _check_labels(self) -> None:
-        """Check that the training rows have no measured class labels, or at level few_shot at most `shots` labelled recordings per
-        class.
-        """
+        """Check that the training rows have no measured class labels, or at level few_shot at most `shots` per class."""
         measured = self.train.domain == MEASURED
         if self.level != "few_shot":
             if self.shots:
@@ -112,8 +110,6 @@ def draw_shots(measured: Samples, shots: int, seed: int) -> tuple[Samples, Sampl
     A source is a stored recording, from which several recordings may be cut. The test rows depend on `seed` but not on `shots`.
 
     Returns: the training rows and the test rows.
-    Raises:
-        InputError: half of a class's sources hold fewer recordings than `shots`.
     """
     rng = np.random.default_rng([seed, 0x5B])
     drawn: list[str] = []

@@ -71,13 +71,6 @@ def import_captures(
         options: board, iq_swapped and cut, as for `load_capture`.
     Returns:
         The recording set, and the rows that were added to its index.
-    Raises:
-        MissingError: a capture or a radar description is missing, or an entry of the mapping file matches no capture.
-        PoseError: a trajectory file is unreadable.
-        InputError: an index row is invalid, a trajectory of the mapping file is outside the source folder, the set holds a recording of the
-            same name with other conditions, or the data card is incomplete.
-        RecordingError: a capture cannot be read, or has another radar or other units than the recording set. The recording set then
-            contains all captures that were imported before the wrong capture.
     """
     source, out, mapping, values = Path(source), Path(out), mapping or CaptureMap(), dict(values or {})
     shared = {key: value for key, value in values.items() if key not in KEYS}

@@ -76,12 +76,7 @@ def write_timeline(
 
 
 def check_target(path: Path) -> None:
-    """Check that an MCAP file can be written, before the recording is read.
-
-    Raises:
-        BackendError: the package foxglove-sdk is missing.
-        OutputError: the path is a folder or has another suffix than .mcap, or its folder cannot be written.
-    """
+    """Check that an MCAP file can be written, before the recording is read."""
     if path.is_dir():
         raise OutputError(f"{path} is a folder; give the name of the MCAP file to write")
     if path.suffix != ".mcap":

@@ -62,9 +62,6 @@ def check_path(scene: Scene, poses: np.ndarray) -> None:
 
     Args:
         poses: (F, 4, 4) sensor-to-world poses of F frames, or (F, 3) positions in metres.
-    Raises:
-        PoseError: the path crosses a surface; the message names the frame and the surface.
-        SceneError: the sensor is inside a solid; the message names the frame and the surface.
     """
     poses = np.asarray(poses, dtype=np.float64)
     positions = poses[:, :3, 3] if poses.ndim == 3 else poses

@@ -15,9 +15,6 @@ def check_mesh(mesh: trimesh.Trimesh, where: str) -> None:
 
     Args:
         where: name of the mesh in error messages.
-    Raises:
-        MeshError: the mesh is not a triangle mesh, is empty, has face indices out of range, has NaN or infinite vertices, or has an extent
-            of zero or over 100 m.
     """
     if not isinstance(mesh, trimesh.Trimesh):
         raise MeshError(f"{where}: expected a trimesh.Trimesh, got {type(mesh).__name__}")

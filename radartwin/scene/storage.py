@@ -121,11 +121,7 @@ def material_to_json(material: str | Layered) -> str | dict[str, Any]:
 
 
 def material_from_json(value: Any) -> str | Layered:
-    """Convert a JSON value from `material_to_json` back to a material.
-
-    Raises:
-        SceneError: the value is neither a material name nor a stack of layers.
-    """
+    """Convert a JSON value from `material_to_json` back to a material."""
     if isinstance(value, str):
         return value
     try:

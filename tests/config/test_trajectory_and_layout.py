@@ -121,7 +121,6 @@ WRONG = {
     "unknown object": (["scene.sentence='a teapot on the floor'"], LayoutError, "teapot"),
     "absent layout": (["scene.layout=none.yaml"], MissingError, "none.yaml"),
     "layout and sentence": (["scene.layout=a.yaml", "scene.sentence='a mug on the floor'"], ConfigError, "one of them"),
-    "language model without a sentence": (["scene.llm_url=http://127.0.0.1:1/v1", "scene.llm_model=m"], ConfigError, "all three"),
     "file for a drive": (["trajectory=depth", "trajectory.path=a.txt"], ConfigError, "trajectory=file"),
     "file and a start": (["trajectory=file", "trajectory.path=a.txt", "trajectory.position_m=[0,0,1]"], ConfigError, "position_m"),
     "unknown axes": (["trajectory=file", "trajectory.path=a.txt", "trajectory.axes=camera"], ConfigError, "optical"),

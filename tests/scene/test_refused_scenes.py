@@ -8,17 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from test_layout import HARD, SCENE, TABLE, endpoint, furnished, placed, ramp, room, sheet, write_tin
+from test_layout import TABLE, furnished, placed, ramp, room, sheet, write_tin
 from test_scene import box, labelled_scene, wall
 from test_trajectory import TUM
 from test_view import scene
 
-from radartwin.errors import BackendError, LayoutError, MaterialError, MeshError, MissingError, OutputError, PoseError, SceneError
+from radartwin.errors import LayoutError, MaterialError, MeshError, MissingError, OutputError, PoseError, SceneError
 from radartwin.scene import objects, rooms, textures
 from radartwin.scene.collision import check_path
 from radartwin.scene.layouts.anchor import find
 from radartwin.scene.layouts.grammar import parse
-from radartwin.scene.layouts.language_model import read_sentence
 from radartwin.scene.layouts.layout import Layout
 from radartwin.scene.layouts.stock import stock
 from radartwin.scene.objects import assortment, vessels
@@ -199,8 +198,7 @@ ROWS: list[Row] = [
     of_tin(LayoutError, r"yaml: objects\[0\]\.material: .*'cheese'", "object: meshes/Tin.obj, material: {layers: [[cheese, 1]]}"),
     (LayoutError, r"no object is called 'teapot'.*corner_reflector", lambda _: stock("teapot")),
     (LayoutError, r"'can' may be can_211", lambda _: stock("can")),
-    (LayoutError, "language model", lambda _: read_sentence(HARD, SCENE)),
-    (BackendError, "no connection", lambda _: read_sentence(HARD, SCENE, endpoint=endpoint("http://127.0.0.1:9/v1", pause_s=60))),
+    (LayoutError, "layout file", lambda _: parse("kindly see to it that a mug ends up somewhere on the desk")),
     (LayoutError, "nothing called 'sofa'; it has cabinet, ceiling", lambda _: find("sofa", room(), None)),
     (LayoutError, "no sensor pose", lambda _: find("the radar", room(), None)),
     (LayoutError, "no floor", lambda _: placed(Scene(), position_m=[1, 1])),

@@ -1,4 +1,4 @@
-"""Convert simple English sentences to object layouts with a fixed grammar, without a language model. Three examples follow.
+"""Convert simple English sentences to object layouts with a fixed grammar. Three examples follow.
 
     a mug on the table 1.5 m in front of the door
     put the corner reflector 2 m in front of the radar, and a can 30 cm left of it
@@ -42,11 +42,7 @@ _PRONOUNS = {"it", "that", "this"}
 
 
 def parse(sentence: str) -> Layout:
-    """Convert an English sentence to an object layout.
-
-    Raises:
-        LayoutError: the grammar does not cover a part of the sentence; the message names this part and the supported phrases.
-    """
+    """Convert an English sentence to an object layout."""
     sentence = " ".join(sentence.split())
     text = sentence.lower().replace("one and a half", "1.5").replace("a half metre", "0.5 m")
     items: list[Item] = []
@@ -131,4 +127,4 @@ def _check_subject(subject: str, sentence: str) -> None:
 
 
 def _refusal(sentence: str, problem: str) -> LayoutError:
-    return LayoutError(f"cannot read '{sentence}': {problem}; supported are {READS}. Use a layout file or a language model for more")
+    return LayoutError(f"cannot read '{sentence}': {problem}; supported are {READS}. Use a layout file for more")

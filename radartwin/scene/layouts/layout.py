@@ -36,7 +36,6 @@ stays within the anchor's width. If `on` is not given and the anchor is an objec
 
 from __future__ import annotations
 
-import copy
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -69,6 +68,9 @@ _RELATION = json_object(
     anchor={"type": "string", "minLength": 1},
     distance_m={"type": ["number", "null"], "minimum": 0, "maximum": 100},
 )
+STACK = json_object(
+    ["layers"], layers={"type": "array", "items": {"type": "array", "minItems": 2, "maxItems": 2}}, backing={"type": "string"}
+)
 _ITEM = json_object(
     ["object"],
     object={"type": "string", "minLength": 1},
@@ -78,18 +80,11 @@ _ITEM = json_object(
     relations={"type": ["array", "null"], "items": _RELATION},
     yaw_deg={"type": ["number", "null"]},
     held={"type": ["boolean", "null"]},
+    material=STACK | {"type": ["string", "null", "object"]},
+    unit={"enum": [*METRES, None]},
+    up={"enum": [*TO_Z_UP, None]},
 )
 SCHEMA = json_object(["objects"], objects={"type": "array", "minItems": 1, "items": _ITEM})
-
-FILE_SCHEMA = copy.deepcopy(SCHEMA)  # schema of a layout file, in which an object may also be a mesh file
-STACK = json_object(
-    ["layers"], layers={"type": "array", "items": {"type": "array", "minItems": 2, "maxItems": 2}}, backing={"type": "string"}
-)
-FILE_SCHEMA["properties"]["objects"]["items"]["properties"] |= {
-    "material": STACK | {"type": ["string", "null", "object"]},
-    "unit": {"enum": [*METRES, None]},
-    "up": {"enum": [*TO_Z_UP, None]},
-}
 
 
 def schema_problem(value: Any, schema: Mapping[str, Any]) -> str:
@@ -147,12 +142,8 @@ class Layout:
 
     @classmethod
     def from_dict(cls, value: Any, source: str = "layout") -> Layout:
-        """Build an object layout from a parsed YAML file or from the JSON answer of a language model.
-
-        Raises:
-            LayoutError: the document is not a layout; the message has a single line and names the wrong entry of the document.
-        """
-        if problem := schema_problem(value, FILE_SCHEMA):
+        """Build an object layout from a parsed YAML file or from the JSON answer of a language model."""
+        if problem := schema_problem(value, SCHEMA):
             raise LayoutError(f"{source}: {problem}")
         items = tuple(_item(entry, f"{source}: objects[{index}]") for index, entry in enumerate(value["objects"]))
         check_places(items, source)
@@ -160,12 +151,7 @@ class Layout:
 
     @classmethod
     def load(cls, path: str | Path) -> Layout:
-        """Read an object layout file. Paths of mesh files are relative to the folder of the layout file.
-
-        Raises:
-            MissingError: the file does not exist.
-            LayoutError: the file is not YAML or not a layout.
-        """
+        """Read an object layout file. Paths of mesh files are relative to the folder of the layout file."""
         import yaml
 
         path = Path(path)
@@ -194,11 +180,7 @@ def _loader() -> type[yaml.SafeLoader]:
 
 
 def check_places(items: Sequence[Item], source: str) -> None:
-    """Raise an error for an object without a position, with contradictory positions, or with mesh settings on a catalogue object.
-
-    Raises:
-        LayoutError: an object is not valid; the message names the object.
-    """
+    """Raise an error for an object without a position, with contradictory positions, or with mesh settings on a catalogue object."""
     for index, item in enumerate(items):
         where = f"{source}: objects[{index}] ({item.object})"
         at = item.position_m

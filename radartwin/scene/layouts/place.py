@@ -172,9 +172,7 @@ def _samples_below(mesh: trimesh.Trimesh, limit_m: float) -> np.ndarray:
 
 
 def _related(item: Item, body: Body, scene: Scene, sensor_pose: np.ndarray | None, name: str) -> tuple[np.ndarray, str]:
-    """Return the best free pose of an object that is placed by `on` or by relations, and the name of the surface on which the object
-    stands.
-    """
+    """Return the best free pose of an object that is placed by `on` or by relations, and the name of its supporting surface."""
     choices = [[(relation, a) for a in find(relation.anchor, scene, sensor_pose)] for relation in item.relations]
     on = None if item.on is None else supports(item.on, scene, sensor_pose)
     possible: list[tuple[Surface, tuple[tuple[Relation, Anchor], ...], np.ndarray]] = []

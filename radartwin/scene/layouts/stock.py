@@ -32,9 +32,6 @@ def identifier(name: str) -> str:
 
     >>> identifier("the Corner reflector")
     'corner_reflector'
-
-    Raises:
-        LayoutError: no object or several objects match `name`; the message lists the names of the objects.
     """
     wanted = words(name)
     spellings = {n: [words(n)] for n in names()} | {n: [words(n), words(e.label)] for n, e in objects.catalogue().items()}
@@ -65,9 +62,6 @@ def from_mesh(path: str | Path, material: str | Layered, unit: str = "m", up: st
         up: axis of the file's coordinates that points up: x, y, z, -x, -y or -z.
     Returns:
         A surface for each mesh in the file; all surfaces have the file name without suffix as their name.
-    Raises:
-        MissingError: the file does not exist.
-        MeshError: the mesh is unreadable, empty, or not between 1 cm and 1 m long.
     """
     meshes = list(read_meshes(path).values())
     if not meshes:

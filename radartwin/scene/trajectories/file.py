@@ -21,7 +21,7 @@ ALIASES = {
 }  # fmt: skip
 
 
-def read_track(path: str | Path, axes: Axes = "sensor", topic: str | None = None, frame: str | None = None) -> Track:
+def read_track(path: str | Path, axes: Axes = "sensor", topic: str | None = None) -> Track:
     """Read the timed poses in a trajectory file.
 
     A TUM file has lines `t x y z qx qy qz qw`, and "#" begins a comment. A CSV file has the same columns in any order, named in the first
@@ -31,19 +31,16 @@ def read_track(path: str | Path, axes: Axes = "sensor", topic: str | None = None
     Args:
         axes: body axes of the poses in the file: "sensor" (x forward, y left, z up), or "optical" (x right, y down, z forward) for a
             camera.
-        topic, frame: topic and coordinate frame to read from a ROS bag; `ros.read_bag` explains them.
-    Raises:
-        MissingError: the file does not exist.
-        PoseError: the file is unreadable or a pose is invalid. If a line of a text file is invalid, the message names this line.
+        topic: topic to read from a ROS bag; `ros.read_bag` explains it.
     """
     path = Path(path)
     if not path.exists():
         raise MissingError(f"trajectory {path} is not there; give a TUM or CSV text file, or a ROS bag")
     refuse_pointer(path, PoseError)
     if path.is_dir() or path.suffix.lower() in (".bag", ".mcap", ".db3"):
-        return read_bag(path, topic, frame).from_axes(axes)
-    if topic or frame:
-        raise PoseError(f"{path} is a text file, which has no topic or frame; leave them out")
+        return read_bag(path, topic).from_axes(axes)
+    if topic:
+        raise PoseError(f"{path} is a text file, which has no topic; leave it out")
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (UnicodeDecodeError, OSError) as error:

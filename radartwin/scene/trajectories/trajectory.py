@@ -26,9 +26,6 @@ def pose(position: ArrayLike, rotation: np.ndarray | None = None) -> np.ndarray:
 def look_at(position: ArrayLike, target: ArrayLike) -> np.ndarray:
     """Return the sensor pose (4, 4) at `position` with its boresight towards `target` and its y axis horizontal.
 
-    Raises:
-        PoseError: `position` and `target` coincide.
-
     >>> look_at([0, 0, 1], [0, 2, 1])[:3, 0].tolist()
     [0.0, 1.0, 0.0]
     """
@@ -148,8 +145,6 @@ def check_height(poses: np.ndarray, floor_m: float, ceiling_m: float) -> None:
     Args:
         poses: (F, 4, 4) sensor-to-world poses, metres.
         ceiling_m: height of the ceiling in metres; infinite for a room without a ceiling.
-    Raises:
-        PoseError: the sensor is too low or too high; the message names the first such frame and the height of the sensor in this frame.
     """
     z = np.asarray(poses, dtype=np.float64).reshape(-1, 4, 4)[:, 2, 3]
     out = (z <= floor_m) | (z >= ceiling_m)

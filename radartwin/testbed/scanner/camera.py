@@ -74,10 +74,7 @@ def _corners(height: int, width: int) -> np.ndarray:
 
 @compiled
 def _quantised(linear, power, noise):
-    """Return the 8-bit sRGB picture (h, w, 3) of the linear colours `linear`.
-
-    The argument `power` is linear^(1/2.4), and `noise` (h, w) is standard normal noise.
-    """
+    """Return the 8-bit sRGB picture (h, w, 3) of the linear colours `linear`."""
     height, width, _ = linear.shape
     out = np.empty((height, width, 3), np.uint8)
     for v in range(height):

@@ -90,11 +90,7 @@ def _depths(look: Look, position: np.ndarray) -> np.ndarray:
 
 
 def _extremes(shadows: np.ndarray) -> np.ndarray:
-    """Return the smallest and largest depth (..., 2) in a block of 3 x 3 pixels for each pixel.
-
-    The pixel is the corner of its block with the smallest row and column. At the border of a cube-map side, the block has only the pixels
-    inside this side.
-    """
+    """Return the smallest and largest depth (..., 2) in a block of 3 x 3 pixels for each pixel."""
     out = np.empty((*shadows.shape, 2), np.float32)
     for k, extreme in enumerate((np.minimum, np.maximum)):
         rows = shadows.copy()

@@ -143,10 +143,7 @@ def _picture(mesh: trimesh.Trimesh):
 
 
 def _affine(triangles: np.ndarray, normals: np.ndarray, corner: np.ndarray) -> np.ndarray:
-    """Return affine maps (F, 2, 4) that map the world corners of each triangle to its texture coordinates `corner` (F, 3, 2).
-
-    Along the normal of a triangle, the mapped texture coordinates do not change.
-    """
+    """Return affine maps (F, 2, 4) that map the world corners of each triangle to its texture coordinates `corner` (F, 3, 2)."""
     edges = np.stack([triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0], normals], axis=1)
     sound = np.abs(np.linalg.det(edges)) > 1e-14
     inverse = np.zeros_like(edges)

@@ -60,9 +60,6 @@ def scan(
         colour_every: every n-th frame has a colour picture; 0 makes no colour pictures.
     Returns:
         The frames, with the poses that the phone estimates, and the true values.
-    Raises:
-        SceneError: the scene is empty, the room has no free floor for a person, or an argument is out of range.
-        PoseError: one of the given poses is not a rigid transform.
     """
     if not len(scene):
         raise SceneError("an empty scene cannot be scanned; add surfaces")
@@ -102,10 +99,7 @@ def scan(
 
 
 def _reflectance(look: Look) -> np.ndarray:
-    """Return the reflectance (F,) of each face in the near infrared: the mean luminance of the face's texture or tint.
-
-    Faces of organic material have a reflectance of at least ORGANIC_REFLECTANCE.
-    """
+    """Return the reflectance (F,) of each face in the near infrared: the mean luminance of the face's texture or tint."""
     weights = np.array([0.2126, 0.7152, 0.0722])
     bright = look.tint @ weights
     last = look.levels.shape[1] - 1

@@ -190,10 +190,7 @@ def _uniform(rng: np.random.Generator, shape: tuple[int, ...], spots: tuple[int,
 
 
 def _between(values: np.ndarray, shape: tuple[int, ...], spots: tuple[int, int], squared: bool = False) -> np.ndarray:
-    """Interpolate values at the laser spots bilinearly to the pixels (h, w) of the depth picture.
-
-    If `squared` is True, the weights are squared, which interpolates the variances of independent spots.
-    """
+    """Interpolate values at the laser spots bilinearly to the pixels (h, w) of the depth picture."""
     v, u = np.arange(shape[0]) * spots[1] / shape[0] + 0.5, np.arange(shape[1]) * spots[0] / shape[1] + 0.5
     i, j = v.astype(int), u.astype(int)
     q, p = (v - i)[:, None], (u - j)[None, :]

@@ -64,9 +64,7 @@ class Run(NamedTuple):
 
 @innermost
 def _side(x, y, z):
-    """Return the cube-map side in direction (x, y, z), the two coordinates on this side (-1 to 1), and the distance along the side's
-    axis.
-    """
+    """Return the cube-map side in direction (x, y, z), the coordinates on it (-1 to 1), and the distance along the side's axis."""
     ax, ay, az = abs(x), abs(y), abs(z)
     if ax >= ay and ax >= az:
         return (0, -y / ax, -z / ax, ax) if x > 0 else (1, y / ax, -z / ax, ax)
@@ -103,10 +101,7 @@ def _around(room, x, y, z, colour):
 
 @innermost
 def _lit(shadows, lamp, place, last):
-    """Return the fraction of a lamp's light that reaches a point, from nine depths of the lamp's cube map.
-
-    `place` is the flat index of (side, row, column) of the first of the nine depths. A depth shades the point if it is at most `last`.
-    """
+    """Return the fraction of a lamp's light that reaches a point, from nine depths of the lamp's cube map."""
     n, lit = shadows.shape[2], 0
     side, i0, j0 = place // (n * n), place // n % n, place % n
     for di in range(3):
@@ -117,10 +112,7 @@ def _lit(shadows, lamp, place, last):
 
 @vectorised
 def _view(depth, start, v, pose, lens, normal, spread, cosine):
-    """Write the size in metres of each pixel on the face to `spread` (W,), and the cosine of ray and normal to `cosine` (W,).
-
-    `depth` (W,) belongs to the pixels of row `v` from column `start` on, which show one face.
-    """
+    """Write the size in metres of each pixel on the face to `spread` (W,), and the cosine of ray and normal to `cosine` (W,)."""
     p00, p10, p20, p02, p12, p22 = pose[0, 0], pose[1, 0], pose[2, 0], pose[0, 2], pose[1, 2], pose[2, 2]
     ry = (v - lens[3]) / lens[1]
     b0, b1, b2 = pose[0, 1] * ry, pose[1, 1] * ry, pose[2, 1] * ry
@@ -136,12 +128,7 @@ def _view(depth, start, v, pose, lens, normal, spread, cosine):
 
 @vectorised
 def _beam(depth, start, v, pose, lens, normal, lamp, n, bright, last, place):
-    """Compute a lamp's light on a run of pixels without shadow, and find the pixels of the lamp's cube map that decide the shadow.
-
-    The lamp is at `lamp` (3,), and a side of its cube map has n x n pixels. The arguments `depth`, `start` and `v` are those of `_view`.
-    The light is written to `bright` (W,), and is 0 if the face is turned away from the lamp. The arguments `last` and `place` of `_lit` are
-    written to `last` (W,) and `place` (W,).
-    """
+    """Compute a lamp's light on a run of pixels without shadow, and find the pixels of the lamp's cube map that decide the shadow."""
     p00, p10, p20, p02, p12, p22 = pose[0, 0], pose[1, 0], pose[2, 0], pose[0, 2], pose[1, 2], pose[2, 2]
     p03, p13, p23, c0, c1, c2 = pose[0, 3], pose[1, 3], pose[2, 3], lamp[0], lamp[1], lamp[2]
     ry = (v - lens[3]) / lens[1]

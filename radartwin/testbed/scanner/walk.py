@@ -89,10 +89,7 @@ def _closed_walk(scene: Scene) -> np.ndarray:
 
 
 def _tour(stops: np.ndarray, free: np.ndarray, clear: np.ndarray) -> np.ndarray:
-    """Return the floor cells (M, 2) of a closed walk through all stops, which are points that the walk must visit.
-
-    The order of the stops is found by nearest neighbour and 2-opt. Shortest paths that prefer distance from obstacles connect the stops.
-    """
+    """Return the floor cells (M, 2) of a closed walk through all stops, which are points that the walk must visit."""
     cells = np.argwhere(free)
     number = np.full(free.shape, -1)
     number[free] = np.arange(len(cells))
