@@ -158,11 +158,6 @@ def _family(name: str) -> Callable[[_Recording, bool], NamedValues]:
 def vector(processed: Processed, motion_log: log.Log, name: str, without: Sequence[str] = ()) -> tuple[list[str], Real]:
     """Compute the features of one recording.
 
-    Args:
-        processed: processed recording.
-        motion_log: nominal motion of the recording.
-        name: name of the feature set.
-        without: names of the feature families to exclude.
     Returns:
         names: names of the features.
         values: feature values (features,), all finite.
@@ -177,9 +172,6 @@ def read(processed: Processed, motion_log: log.Log, families_read: Sequence[str]
     """Compute the features of one recording for a list of feature families. Results and errors are those of `vector`.
 
     Args:
-        processed: processed recording.
-        motion_log: nominal motion of the recording.
-        families_read: names of the feature families.
         turns: whether the target is on a turntable. If so, its nominal range replaces the tracked range.
     """
     recording = _Recording(processed, motion_log, turns)

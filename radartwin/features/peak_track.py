@@ -34,7 +34,6 @@ def track(processed: Processed, low_m: ArrayLike, high_m: ArrayLike, frame_rate_
         processed: processed recording of F frames.
         low_m: lower limit of the search window in metres, one value or one per frame (F,); values below NEAR_M are raised to NEAR_M.
         high_m: upper limit of the search window in metres, one value or one per frame (F,); values above FAR_M are lowered to FAR_M.
-        frame_rate_hz: number of frames per second.
     Raises:
         InputError: the search window of a frame contains no range bin.
     """

@@ -120,7 +120,6 @@ def process(recording: Recording, doppler: bool = True) -> Processed:
     """Compute power, azimuth channels, noise and Doppler spectra of a recording, in blocks of frames to limit the memory.
 
     Args:
-        recording: IQ samples with their radar.
         doppler: whether to compute the Doppler spectra, which need C times the memory of `power` for C chirps per frame.
     """
     radar, row, blocks = recording.radar, azimuth_row(recording.radar), _blocks(recording.radar)

@@ -74,10 +74,6 @@ def plugged_in(plugin: plugins.Plugin) -> FeatureSet:
 def families(name: str, without: Sequence[str] = ()) -> tuple[str, ...]:
     """Return the names of the feature families of a feature set, without the excluded families.
 
-    Args:
-        name: name of the feature set.
-        without: names of the families to exclude.
-
     >>> families("depth", ["window", "brightness"])
     ('track', 'multipath', 'extent')
     """

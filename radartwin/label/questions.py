@@ -148,9 +148,7 @@ def questions(
     Args:
         photos: photographs of the scene; a surface that no photograph shows is rendered from the mesh instead.
         textured: the scanned mesh with its pictures, which is rendered instead of the surfaces of the scene; None renders the surfaces.
-        views: largest number of pictures per surface.
         only: indices of the surfaces to ask about; None means all surfaces.
-        step: function that is called after each surface, to report progress.
     """
     indices = list(range(len(scene))) if only is None else list(only)
     floor = float(scene.bounds[0, 2])

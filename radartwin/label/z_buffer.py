@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
-from radartwin.scene.raster import nearest_faces
+from radartwin.scene.raster import drawn_faces
 from radartwin.scene.scene import Scene
 
 UNCOLOURED = 200.0  # grey level (0 to 255) of a mesh without colours
@@ -84,8 +84,13 @@ class Triangles:
 
     def seen(self, camera: Camera) -> Seen:
         """Find the triangle that each pixel of a camera shows."""
-        triangles, drawn = self.vertices[self.faces], np.ones(len(self.faces), bool)
-        return Seen(*nearest_faces(triangles, drawn, camera.pose, camera.intrinsics, (camera.width, camera.height)))
+        triangles, order = self._local(camera)[self.faces], np.arange(len(self.faces))
+        return Seen(*drawn_faces(triangles, order, camera.intrinsics, (camera.width, camera.height)))
+
+    def _local(self, camera: Camera) -> np.ndarray:
+        """Return the vertices (V, 3) in the coordinates of the camera."""
+        to_camera = np.linalg.inv(camera.pose)
+        return self.vertices @ to_camera[:3, :3].T + to_camera[:3, 3]
 
     def surfaces(self, seen: Seen) -> np.ndarray:
         """Return the index of the surface that each pixel shows, (h, w); -1 for a pixel that shows no surface."""
@@ -144,8 +149,7 @@ class Drawing(Triangles):
         shown = seen.face >= 0
         face, (rows, columns) = seen.face[shown], np.nonzero(shown)
         rays = np.column_stack([columns, rows, np.ones(len(face))]) @ np.linalg.inv(camera.intrinsics).T
-        to_camera = np.linalg.inv(camera.pose)
-        a, b, c = (self.vertices @ to_camera[:3, :3].T + to_camera[:3, 3])[self.faces[face]].swapaxes(0, 1)
+        a, b, c = self._local(camera)[self.faces[face]].swapaxes(0, 1)
         # The ray d of a pixel hits the triangle a, b, c at the barycentric coordinates d.(b x c), d.(c x a) and d.(a x b) over their sum.
         weights = np.stack([(rays * np.cross(p, q)).sum(axis=1) for p, q in ((b, c), (c, a), (a, b))], axis=1)
         weights /= weights.sum(axis=1, keepdims=True)

@@ -101,7 +101,6 @@ def cell_directions(signals: Covariance, radar: Radar, method: str, elevation: b
 
     Args:
         signals: covariance matrices (N, V, V) of the V = num_tx * num_rx channels of each cell, with the TDM phase compensated.
-        radar: radar that recorded the samples.
         method: "bartlett", "capon" or "music".
         elevation: whether to measure the elevation, if the radar can.
     """

@@ -25,8 +25,6 @@ def ca_factor(training: int, false_alarm: float, looks: int = 1) -> float:
     """Compute the CA-CFAR factor alpha, by which the mean power of the training cells is multiplied to obtain the threshold.
 
     Args:
-        training: number of training cells.
-        false_alarm: false-alarm probability per cell.
         looks: number of independent looks averaged in each cell.
 
     >>> round(ca_factor(16, 1e-4), 6) == round(16 * (1e-4 ** (-1 / 16) - 1), 6)
@@ -53,7 +51,6 @@ def ca_cfar(
         power: array of linear power with one or more axes.
         guard: for each axis, the number of cells ignored on each side of the cell under test.
         training: for each axis, the number of cells averaged beyond the guard cells on each side of the cell under test.
-        false_alarm: false-alarm probability per cell.
         looks: number of independent looks averaged in each cell.
         min_factor: smallest threshold factor alpha, because alpha would approach 1 with many looks.
         wrap: for each axis, whether the axis is circular. The function extends a non-circular axis beyond its ends by reflection.

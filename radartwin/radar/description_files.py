@@ -23,7 +23,6 @@ def read_description(path: Path, board: str | None = None) -> Description:
     """Read a radar file. The suffix of the file name determines the format.
 
     Args:
-        path: path of the radar file.
         board: name of the board, for a .cfg or a .mmwave.json; None takes the board from the file (radartwin.radar.ti_files).
     """
     match path.suffix.lower():

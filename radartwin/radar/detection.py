@@ -71,7 +71,6 @@ def detect(iq: Complex, radar: Radar, *, static_removed: bool = False, maps: Pow
 
     Args:
         iq: samples (frame, chirp, tx, rx, sample); the detector averages the power over all frames.
-        radar: radar that recorded the samples.
         static_removed: whether to subtract the echoes at rest before the detection, as in `power_maps`.
         maps: result of `power_maps` for the same arguments; None computes the maps.
         angle: "bartlett", "capon" or "music" (see radartwin.radar.cell_directions); the last two can find two peaks in one cell.
@@ -91,7 +90,6 @@ def point_clouds(iq: Complex, radar: Radar, *, static_removed: bool = False, ang
 
     Args:
         iq: samples (frame, chirp, tx, rx, sample).
-        radar: radar that recorded the samples.
         static_removed: whether to subtract the mean of each channel over all frames and chirps before the detection.
         angle: "bartlett", "capon" or "music" (see radartwin.radar.cell_directions).
     Returns:

@@ -66,7 +66,6 @@ def peak_cells(power: Real, radar: Radar, frames: int) -> PeakCells:
 
     Args:
         power: power (Doppler, range) averaged over channels and frames, with the zero padding of radartwin.radar.power_maps.
-        radar: radar that recorded the samples.
         frames: number of frames that were averaged.
     """
     cells, noise = _candidates(power, radar, frames)

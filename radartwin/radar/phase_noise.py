@@ -66,11 +66,7 @@ class PhaseNoise:
         sample rate.
 
         Args:
-            chirps: number of chirps.
-            samples: number of samples per chirp.
-            sample_rate_hz: sample rate of the receiver in Hz.
             longest_s: longest delay of an echo in seconds.
-            rng: random generator.
         Returns:
             Random processes psi (terms, chirps, samples) in radians.
         """
@@ -99,10 +95,6 @@ class PhaseNoise:
 
         Args:
             chirps: number of chirps; the noise of different chirps is independent.
-            samples: number of samples per chirp.
-            sample_rate_hz: sample rate of the receiver in Hz.
-            delays_s: K delays in seconds.
-            rng: random generator.
         Returns:
             Phase errors (K, chirps, samples) in radians.
         """

@@ -74,7 +74,6 @@ def power_maps(iq: Complex, radar: Radar, static_removed: bool = False) -> Power
 
     Args:
         iq: samples (frame, chirp, tx, rx, sample).
-        radar: radar that recorded the samples.
         static_removed: whether to subtract the mean of each channel over all frames and chirps, so that only moving echoes remain.
     """
     azimuth_rad = np.radians(np.arange(-90.0, 91.0))

@@ -48,7 +48,6 @@ def process_capture(
         out: folder for peaks.csv, points.npz, range_time.png, range_doppler.png and range_azimuth.png; None writes no files. If frames
             have a single chirp, there is no range_doppler.png. If the radar has a single channel, there is no range_azimuth.png.
         radar: a Radar or the path of a radar file; a cube and a capture of the cascade require this argument.
-        static_removed: whether to subtract the echoes at rest.
         angle: method for the directions of peaks and points, "bartlett", "capon" or "music".
         options: board, iq_swapped, cut, frames and say, as for `load_capture`.
     Returns:

@@ -55,7 +55,6 @@ def range_fft(iq: Complex, radar: Radar, *, bins: int | None = None) -> tuple[Co
 
     Args:
         iq: samples (..., sample).
-        radar: radar that recorded the samples.
         bins: length of the Fourier transform, at least num_samples; None takes num_samples, without zero padding.
     Returns:
         profiles: range profiles (..., range) in the unit of iq; for real sampling, twice the positive half of the spectrum.
@@ -84,7 +83,6 @@ def doppler_fft(profiles: Complex, radar: Radar, *, bins: int | None = None) -> 
 
     Args:
         profiles: range profiles (..., chirp, tx, rx, range).
-        radar: radar that recorded the samples.
         bins: length of the Fourier transform, at least num_chirps; None takes num_chirps, without zero padding.
     Returns:
         spectra: Doppler spectra (..., Doppler, tx, rx, range).
@@ -154,7 +152,6 @@ def steering(radar: Radar, azimuth_rad: ArrayLike) -> Complex:
     """Compute beamforming weights over the azimuth row for horizontal directions.
 
     Args:
-        radar: radar whose antenna array is used.
         azimuth_rad: A azimuth angles atan2(y, x) in radians, positive to the left, shape (A,).
     Returns:
         Weights (channels of azimuth_row, A), whose magnitudes add up to 1 over the channels. The sum over channels of weight times signal

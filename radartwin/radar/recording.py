@@ -229,10 +229,7 @@ def gathered(
 
     Args:
         path: path of the source, beside which the scratch file lies.
-        frames: consecutive frames to read.
-        shape: shape of a frame.
         read: function that returns frames as an array, from the number of the first frame and the number of frames.
-        scale: factor of all samples.
     Raises:
         OutputError: the samples of a large recording fit neither on the disk of the source nor on the disk of the temporary files.
     """

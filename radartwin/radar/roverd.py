@@ -45,7 +45,6 @@ def opened(channel: Path, radar: Radar, cut: bool, say: Callable[[str], None]) -
 
     Args:
         cut: True drops an incomplete frame and frames without a time at the end; False makes them an error.
-        say: function that receives notes, one line of text each.
     """
     folder = channel.parent
     described = read_json(folder / "meta.json").get("iq")

@@ -229,7 +229,6 @@ def describe(name: str, setup: Setup, board: str | None = None) -> Description:
     """Convert a parsed TI radar description to the fields of `Radar`, the layout of the samples, and the board.
 
     Args:
-        name: name of the radar.
         setup: result of `parse_cfg` or `parse_studio`.
         board: name of the board; None takes the board from the antenna geometry or the platform in the file. If the file has neither, the
             function assumes the IWR6843ISK below 70 GHz, the AWR2944EVM if TX4 is enabled, the IWR1642BOOST if only TX1 and TX2 are

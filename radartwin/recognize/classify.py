@@ -50,7 +50,6 @@ def classify(
     """Classify a recording, which may be a recording of this package, a mmWave Studio capture or a .npy cube.
 
     Args:
-        recording: path of the recording.
         model: the recogniser, or the folder of a saved recogniser.
         radar: radar of the recording, or its file.
         distance_m: distance from the radar to the target at the start; None estimates it.

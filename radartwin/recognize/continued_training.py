@@ -61,7 +61,6 @@ def align(
         encoder: encoder that `training.fit` trained on the same split.
         split: training rows, and test rows on the scale of the training rows (adaptation.py), of which the class labels are not used.
         anchors: text embedding of every class in the training rows, a unit vector (T,) by class name.
-        settings: settings of the training, except the number of epochs.
         seed: seed of all random numbers in the training; the same seed gives the same bytes.
         alignment: settings of the term of the measured rows.
     Raises:

@@ -168,7 +168,6 @@ def alone(
         surfaces: nominal surfaces of the target in its own frame, all with the same name.
         sensor_poses: poses (F, 4, 4) or (1, 4, 4) of the sensor.
         nominal: nominal poses (F, 4, 4) of the target.
-        options: options of radartwin.simulation.simulate.simulate.
     Returns:
         Channels (F, A, B), as radartwin.features.processed defines them.
     """

@@ -36,8 +36,6 @@ def seed_mean(
     Args:
         right: (seeds, N) or (N,), 1 for a correct prediction, 0 for a wrong prediction, NaN if a seed did not test the recording.
         groups: (N,) group of each recording; recordings with equal entries are drawn together.
-        resamples: number of bootstrap samples.
-        seed: seed of the bootstrap.
         classes: (N,) class of each recording, to compute balanced accuracy with groups drawn within each class; None for plain accuracy.
     """
     right = np.atleast_2d(np.asarray(right, dtype=np.float64))

@@ -151,8 +151,6 @@ def frame_poses(path: Path, start_s: float, frames: int, rate_hz: float) -> np.n
     Args:
         path: a trajectory file that `read_track` accepts.
         start_s: time of the first frame in seconds, on the clock of the trajectory file.
-        frames: number of frames of the recording.
-        rate_hz: frame rate of the recording.
     """
     track = read_track(path)
     (begin, end), times, slack = track.times_s[[0, -1]], start_s + np.arange(frames) / rate_hz, 0.5 / rate_hz

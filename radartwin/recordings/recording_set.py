@@ -179,8 +179,6 @@ class RecordingSet:
         Several processes may add to one recording set at the same time.
 
         Args:
-            recording: the recording to add.
-            row: conditions of the recording.
             trajectory: file with the poses of the radar, which is copied to trajectories/NAME.suffix; None for no file.
         Returns:
             The index row of the recording as index.csv stores it.

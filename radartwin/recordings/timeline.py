@@ -46,7 +46,6 @@ def write_timeline(
         path: the MCAP file; an existing file is replaced.
         start_ns: time of the start of the first frame, in nanoseconds since 1970.
         pictures: pictures of the camera, in ascending order of their times; None for none.
-        progress: shows the number of frames that are done.
     Returns:
         Number of messages by topic. A radar with one channel has no range-azimuth map and no points, a frame with one chirp has no
         range-Doppler map, and a recording without poses has no transform.

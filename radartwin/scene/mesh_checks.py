@@ -11,11 +11,7 @@ MAX_EXTENT_M = 100.0  # a larger mesh has a wrong length unit; for comparison, t
 
 
 def check_mesh(mesh: trimesh.Trimesh, where: str) -> None:
-    """Raise an error for a mesh that cannot be simulated.
-
-    Args:
-        where: name of the mesh in error messages.
-    """
+    """Raise an error for a mesh that cannot be simulated."""
     if not isinstance(mesh, trimesh.Trimesh):
         raise MeshError(f"{where}: expected a trimesh.Trimesh, got {type(mesh).__name__}")
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)

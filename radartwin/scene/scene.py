@@ -80,8 +80,6 @@ class Scene:
         A scan far from its origin was moved by `offset_m` of the provenance. Of the given poses and the poses moved by the same offset, the
         function returns those that are nearer to the room.
 
-        Args:
-            source: name of the poses in the error message.
         Raises:
             PoseError: a pose is more than MAX_EXTENT_M from the room.
         """

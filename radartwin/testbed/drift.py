@@ -97,7 +97,6 @@ def shifted(surfaces: Iterable[Surface], names: Collection[str], state: float, e
     """Return the surfaces, with each surface in `names` shifted along its own direction as the temperature state requires.
 
     Args:
-        names: names of the surfaces that drift.
         state: temperature state, in standard deviations.
         seed: seed of the room, which determines the directions; all recordings of one room have the same directions.
     """

@@ -80,7 +80,6 @@ def as_made(entry: Entry, strength: float, rng: np.random.Generator) -> list[Sur
 
     Args:
         strength: 0 returns the catalogue's surfaces, 1 gives the sizes of this module. The random numbers do not depend on the strength.
-        rng: generator of the object's own random numbers.
     """
     surfaces = list(entry.surfaces())
     if strength == 0:

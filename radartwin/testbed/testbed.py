@@ -72,7 +72,6 @@ def truth(scene: Scene, gaps: Gaps, seed: int, clutter: Collection[str] = (), ta
 
     Args:
         scene: the scene with all clutter and equipment, and nominal materials and roughness.
-        gaps: strength of each kind of deviation.
         seed: seed of the virtual measurement campaign. A surface with a given name and room (from the scene's provenance) is equal in
             all recordings of the campaign.
         clutter: names of surfaces that a scan does not contain; surfaces of radartwin.testbed.fixtures need no entry, because their
@@ -113,9 +112,6 @@ def actual(sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray], rate_hz: 
     Args:
         sensor_poses: nominal poses of the sensor, (F, 4, 4), (1, 4, 4) or (4, 4).
         motion: nominal poses of objects by object name, each (F, 4, 4) or (1, 4, 4).
-        rate_hz: frame rate of the recording.
-        gaps: strengths of the trajectory errors and of the placement error.
-        seed: seed of this repetition of the recording.
     """
     sensor = np.asarray(sensor_poses, float).reshape(-1, 4, 4)
     clock, wheels, table, carriage, placing = (

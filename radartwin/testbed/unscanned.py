@@ -56,7 +56,6 @@ def added(
         sensor_poses: (F, 4, 4) or (1, 4, 4) poses of the radar.
         target_m: (F,) logged range of the target.
         strength: energy of the echoes over that outside the target gate.
-        seed: seed of the draw.
     """
     rng = np.random.default_rng(np.random.SeedSequence([seed, *b"unscanned echoes"]))
     frames = len(clean.iq)

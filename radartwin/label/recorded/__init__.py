@@ -100,8 +100,6 @@ def ship_records(records: Sequence[Record], room: str, to: Path = SHIPPED, about
     Return the path of the written answers.json.
 
     Args:
-        records: the answers, from one or several scans of the room.
-        room: name of the room.
         to: folder that holds digests.py and one folder per room.
         about: text that states model, date and method of the answers.
     """

@@ -55,7 +55,6 @@ class Learner(Protocol):
         Args:
             split: training rows with class labels, and test rows, which the training does not use.
             anchors: text embedding of every class in the training rows, a unit vector (T,) by class name.
-            settings: settings of the training.
             seed: seed of all random numbers in the training; the same seed gives the same bytes.
         Raises:
             InputError: the training rows do not fit the learner, or a class has no text embedding.

@@ -28,7 +28,6 @@ def feature_rows(
     Args:
         processed: simulated revolution without noise.
         log: nominal motion of the revolution.
-        echoes, strengths, seed: see `randomise.copies`.
     """
     made = copies(processed, echoes, thermal_power(processed.radar), count, strengths, seed)
     rows = [families.vector(copy, log, FEATURES, WITHOUT) for copy in made]

@@ -50,7 +50,6 @@ def model_card(objects: Sequence[OwnObject], trained: TrainedOn, epochs: int, te
     """Return the model card as Markdown text.
 
     Args:
-        epochs: number of epochs of the training.
         tested: answers at held-out distances; None if the training has a single distance.
     """
     objects_head = ("class", "mesh or catalogue object", "material", "size in mm", "description")

@@ -57,7 +57,6 @@ def from_mesh(path: str | Path, material: str | Layered, unit: str = "m", up: st
 
     Args:
         path: .glb, .ply, .obj or .stl file, whose texture and colours are kept.
-        material: material of the whole object.
         unit: length unit of the file's coordinates: m, cm, mm, in or ft.
         up: axis of the file's coordinates that points up: x, y, z, -x, -y or -z.
     Returns:

@@ -123,10 +123,8 @@ def surface(
     """Build a surface from a mesh and a finish, which defines the true material, roughness, texture and MINC category.
 
     Args:
-        finish: name of the finish, a key of FINISHES.
         look: name of a texture that replaces the texture of the finish.
         picture: the same mesh with a picture as texture, which replaces the texture of the finish.
-        seed: random seed with which the texture's bitmap is drawn.
     """
     kind = FINISHES[finish]
     textured = picture if picture is not None else textures.textured(mesh, look or kind.look, seed)

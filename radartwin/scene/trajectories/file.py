@@ -31,7 +31,6 @@ def read_track(path: str | Path, axes: Axes = "sensor", topic: str | None = None
     Args:
         axes: body axes of the poses in the file: "sensor" (x forward, y left, z up), or "optical" (x right, y down, z forward) for a
             camera.
-        topic: topic to read from a ROS bag; `ros.read_bag` explains it.
     """
     path = Path(path)
     if not path.exists():

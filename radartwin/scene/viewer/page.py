@@ -41,7 +41,6 @@ def view(scene: Scene, path: str | Path, poses: np.ndarray | None = None, title:
     """Write a scene as an HTML page. If the scene is large, the page contains simplified meshes and a note about the simplification.
 
     Args:
-        path: path of the .html file.
         poses: (F, 4, 4) or (4, 4) sensor-to-world poses, which the page draws as a track with boresight directions; by default no track is
             drawn.
         title: heading of the page; by default the name of the room or the source of the scan, from the scene's provenance.

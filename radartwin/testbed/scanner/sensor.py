@@ -110,9 +110,7 @@ def measured(
         seen: true depth and reflecting face at each pixel.
         reflectance: (h, w) near-infrared reflectance of the reflecting surface at each pixel, 0 to 1.
         metal: (h, w) bool, whether the reflecting surface is metal.
-        sensor: parameters of the phone.
         strength: factor on the errors of the phone; 0 is an ideal sensor.
-        rng: generator of the random numbers.
     Returns:
         Depth (h, w) float32 in metres; 0 at pixels where the sensor measures no depth.
         Confidence (h, w) uint8 of the depth: 0 low, 1 medium, 2 high.
