@@ -135,7 +135,7 @@ def _add_recordings(group: Verbs) -> None:
     captures.add_argument("source", metavar="SOURCE", type=Path, help="a .bin, a .npy or .npz cube, a roverd trace, or a folder of them")
     captures.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help="index columns of all captures, or card keys of a new set")
     captures.add_argument("--out", metavar="SET", type=Path, required=True, help="folder of the set; an existing set is extended")
-    captures.add_argument("--map", metavar="FILE", type=Path, help=".yaml or .csv: the columns of each capture")
+    captures.add_argument("--map", metavar="FILE", type=Path, help=".yaml: the columns of each capture")
     _capture(captures)
     frames_help = "import only these frames of each capture, such as 100:200 (default: all)"
     captures.add_argument("--frames", metavar="FIRST:END", type=_frames, default=slice(None), help=frames_help)

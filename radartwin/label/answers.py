@@ -86,7 +86,8 @@ class Answer:
 
 
 @functools.cache
-def _schema(kind: Kind) -> str:
+def schema(kind: Kind) -> dict[str, Any]:
+    """Return the JSON schema of the answer to a material question; the question is about a "surface" of the room or an "object"."""
     fields: dict[str, Any] = {
         "material": {"type": "string", "enum": list(CATEGORIES)},
         "finish": {"type": "string", "enum": list(FINISH_WORDS)},
@@ -98,12 +99,7 @@ def _schema(kind: Kind) -> str:
         fields["wall_thickness_mm"] = {"type": ["number", "null"], "exclusiveMinimum": 0, "maximum": 500}
         fields["contents"] = {"type": "string", "enum": list(CONTENTS)}
     required = [field for field in fields if field != "name"]
-    return json.dumps({"type": "object", "properties": fields, "required": required, "additionalProperties": False})
-
-
-def schema(kind: Kind) -> dict[str, Any]:
-    """Return the JSON schema of the answer to a material question; the question is about a "surface" of the room or an "object"."""
-    return json.loads(_schema(kind))
+    return {"type": "object", "properties": fields, "required": required, "additionalProperties": False}
 
 
 def read_answer(text: str | Mapping[str, Any], kind: Kind, names: bool = False) -> Answer:

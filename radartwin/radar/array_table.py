@@ -1,4 +1,4 @@
-"""Read the antennas of a user's own array from a table: a CSV file with a header line, or a YAML file with the list `elements`.
+"""Read the antennas of a user's own array from a table, a CSV file with a header line.
 
 A row describes one antenna. The order of the transmitters in the table is their firing order.
 
@@ -10,8 +10,6 @@ A row describes one antenna. The order of the transmitters in the table is their
 | design_frequency_hz | frequency in Hz that sets the half wavelength; required for positions in half wavelengths, and equal in all rows |
 | gain_db | power gain of the antenna in addition to its pattern, in dB; 0 if left out |
 | pattern | name of the antenna pattern (radartwin.radar.antenna), equal in all rows; the radar's own pattern if left out |
-
-A YAML file may give design_frequency_hz and pattern once, beside `elements`.
 """
 
 from __future__ import annotations
@@ -19,14 +17,14 @@ from __future__ import annotations
 import math
 import re
 import reprlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.errors import RecordingError
 from radartwin.radar.antenna import ELEMENTS
-from radartwin.radar.description_files import read_csv, read_yaml, with_numbers
+from radartwin.radar.description_files import read_csv
 from radartwin.radar.field_checks import check_distinct
 
 MAX_SPAN_M = 2.0  # largest plausible size of an array along an axis, in metres; positions of a larger array are in another unit
@@ -81,22 +79,10 @@ def read_array(path: str | Path) -> dict[str, Any]:
     return fields
 
 
-def _rows(path: Path) -> list[dict[str, Any]]:
-    """Return the rows of the table without empty cells. A value that a YAML file gives once stands in each row without its own value."""
-    if path.suffix in (".yaml", ".yml"):
-        common = with_numbers(read_yaml(path, "elements"))
-        listed = common.pop("elements", None)
-        if unknown := sorted(set(common) - set(_COMMON), key=str):
-            raise RecordingError(f"{path}: unknown key {unknown[0]!r}; known keys: elements, {', '.join(_COMMON)}")
-        if not (isinstance(listed, Sequence) and not isinstance(listed, str) and all(isinstance(row, Mapping) for row in listed)):
-            raise RecordingError(f"{path}: elements must be a list of antennas, such as {{antenna: tx, y_m: 0.0}}")
-        for place, cells in ((str(path), common), *((f"{path}, antenna {number}", row) for number, row in enumerate(listed, start=1))):
-            for name, value in cells.items():
-                if not isinstance(value, str | int | float | None):
-                    raise RecordingError(f"{place}: {name} must be a single number or text, not {reprlib.repr(value)}")
-        return [{**common, **{str(key): value for key, value in row.items()}} for row in listed]
+def _rows(path: Path) -> list[dict[str, str]]:
+    """Return the rows of the table without empty cells."""
     if path.suffix != ".csv":
-        raise RecordingError(f"{path}: suffix {path.suffix!r} is unknown; give an array table as .csv or .yaml")
+        raise RecordingError(f"{path}: suffix {path.suffix!r} is unknown; give an array table as .csv")
     header, lines = read_csv(path)
     for number, cells in lines:
         if len(cells) != len(header):
@@ -104,7 +90,7 @@ def _rows(path: Path) -> list[dict[str, Any]]:
     return [{name: cell for name, cell in zip(header, cells, strict=True) if cell} for _, cells in lines]
 
 
-def _unit(path: Path, rows: list[dict[str, Any]]) -> str:
+def _unit(path: Path, rows: list[dict[str, str]]) -> str:
     """Return the unit of the positions. Raise RecordingError for an unknown column, an unknown unit, or positions in two units."""
     positions = sorted({name for row in rows for name in row} - set(_COLUMNS))
     if unknown := [name for name in positions if not _POSITION.fullmatch(name)]:
@@ -114,13 +100,13 @@ def _unit(path: Path, rows: list[dict[str, Any]]) -> str:
     return units.pop()
 
 
-def _number(place: str, row: Mapping[str, Any], name: str, default: float) -> float:
+def _number(place: str, row: Mapping[str, str], name: str, default: float) -> float:
     value = row.get(name, default)
     try:
         number = float(value)
-    except (TypeError, ValueError, OverflowError):
+    except ValueError:
         number = math.nan
-    if isinstance(value, bool) or not math.isfinite(number):
+    if not math.isfinite(number):
         raise RecordingError(f"{place}: {name} must be a finite number, not {reprlib.repr(value)}")
     return number
 

@@ -12,8 +12,6 @@ overrides the values of the earlier entries:
       - file: mug_1m/run3_adc_data
         split: test
 
-A CSV mapping file has the column `file` and any columns of the index; it contains no data card.
-
 The pattern in `file` is compared with the path of a capture relative to the imported folder. The suffix of the path and the part number
 from the capture card may be left out of the pattern. In a pattern, * matches any text within a name, ** also matches folders, and {column}
 matches the value of an index column.
@@ -30,7 +28,7 @@ from typing import Any
 from radartwin.errors import InputError, MissingError
 from radartwin.radar.captures import few
 from radartwin.radar.dca1000 import capture_prefix
-from radartwin.radar.description_files import read_csv, read_yaml
+from radartwin.radar.description_files import read_yaml
 
 _TOKEN = re.compile(r"(\*\*|\*|\{[A-Za-z_]\w*\})")
 _TEXTS = {"**": ".*", "*": "[^/]*"}
@@ -53,13 +51,18 @@ class CaptureMap:
 
 
 def read_mapping(path: str | Path) -> CaptureMap:
-    """Read a mapping file with the suffix .yaml, .yml or .csv."""
+    """Read a mapping file with the suffix .yaml or .yml."""
     path = Path(path)
-    if path.suffix == ".csv":
-        return _of_csv(path)
-    if path.suffix in (".yaml", ".yml"):
-        return _of_yaml(path)
-    raise InputError(f"{path}: unknown suffix; give a mapping file that ends in .yaml or .csv")
+    if path.suffix not in (".yaml", ".yml"):
+        raise InputError(f"{path}: unknown suffix; give a mapping file that ends in .yaml")
+    keys = "the keys card and captures"
+    values = read_yaml(path, keys)
+    if not set(values) <= {"card", "captures"}:
+        raise InputError(f"{path}: expected a mapping of {keys}, not {', '.join(map(str, values))}")
+    card, captures = values.get("card") or {}, values.get("captures") or []
+    if not isinstance(card, dict) or not isinstance(captures, list) or not all(isinstance(item, dict) for item in captures):
+        raise InputError(f"{path}: card must be a mapping and captures a list of mappings")
+    return CaptureMap(card, [_entry(f"{path}: captures[{i}]", item) for i, item in enumerate(captures)])
 
 
 def columns_of(captures: Sequence[Path], root: Path, entries: Iterable[Entry]) -> list[dict[str, str] | None]:
@@ -95,27 +98,6 @@ def _compiled(pattern: str) -> re.Pattern[str]:
         return re.compile(expression)
     except re.error as error:
         raise InputError(f"pattern '{pattern}': {error}") from None
-
-
-def _of_csv(path: Path) -> CaptureMap:
-    header, lines = read_csv(path)
-    if "file" not in header:
-        raise InputError(f"{path}: line 1: no column 'file'; name the columns file,object,distance_m,...")
-    for number, cells in lines:
-        if len(cells) != len(header):
-            raise InputError(f"{path}: line {number}: expected one value per column")
-    return CaptureMap(entries=[_entry(f"{path}: line {number}", dict(zip(header, cells, strict=True))) for number, cells in lines])
-
-
-def _of_yaml(path: Path) -> CaptureMap:
-    keys = "the keys card and captures"
-    values = read_yaml(path, keys)
-    if not set(values) <= {"card", "captures"}:
-        raise InputError(f"{path}: expected a mapping of {keys}, not {', '.join(map(str, values))}")
-    card, captures = values.get("card") or {}, values.get("captures") or []
-    if not isinstance(card, dict) or not isinstance(captures, list) or not all(isinstance(item, dict) for item in captures):
-        raise InputError(f"{path}: card must be a mapping and captures a list of mappings")
-    return CaptureMap(card, [_entry(f"{path}: captures[{i}]", item) for i, item in enumerate(captures)])
 
 
 def _entry(where: str, values: Mapping[Any, Any]) -> Entry:

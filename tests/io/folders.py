@@ -37,7 +37,6 @@ TEXTS = {
     "track.csv": b"t,x,y,z,yaw_deg\n0,0,0,1,0\n0.1,0.1,0,1,5\n",
     "layout.yaml": b"objects:\n  - object: mug\n    position_m: [2.0, 0.5]\n",
     "objects.yaml": b"objects:\n  - {name: a, catalogue: mug}\n  - {name: b, mesh: a.obj, material: metal}\n",
-    "map.csv": b"file,object,room\na.bin,mug,lab\n",
     "map.yaml": b"captures:\n  - file: a.bin\n    object: mug\n    room: lab\n",
     "a.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
     "a.ply": b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n"

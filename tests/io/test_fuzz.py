@@ -84,7 +84,7 @@ READERS: dict[Callable[[Path], object], tuple[str, ...]] = {
     Radar.from_file: ("radar.cfg", "radar.mmwave.json", "radar.yaml"),
     read_track: ("track.txt", "track.csv"),
     Layout.load: ("layout.yaml",),
-    read_mapping: ("map.csv", "map.yaml"),
+    read_mapping: ("map.yaml",),
     read_meshes: ("a.obj", "a.ply", "a.stl"),
     read_objects: ("objects.yaml",),
 }

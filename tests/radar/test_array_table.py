@@ -23,13 +23,10 @@ tx,0,0.004,0.002,-6,isotropic
 rx,0,-0.001,0,0,isotropic
 rx,0,0.001,0,3,isotropic
 """
-HALF = """
-design_frequency_hz: 60e9
-pattern: iwr1843
-elements:
-  - {antenna: tx, y_half_wavelength: 0}
-  - {antenna: rx, y_half_wavelength: -0.5}
-  - {antenna: rx, y_half_wavelength: 0.5, z_half_wavelength: 1}
+HALF = """antenna,y_half_wavelength,z_half_wavelength,design_frequency_hz,pattern
+tx,0,,60e9,iwr1843
+rx,-0.5,,60e9,iwr1843
+rx,0.5,1,60e9,iwr1843
 """
 
 
@@ -48,7 +45,7 @@ def test_table_in_metres_is_read_with_gains_and_pattern(tmp_path):
 
 
 def test_half_wavelengths_are_those_of_the_design_frequency(tmp_path):
-    fields = read_array(write(tmp_path, HALF, "array.yaml"))
+    fields = read_array(write(tmp_path, HALF))
     half = C / 60e9 / 2
     np.testing.assert_allclose(fields["rx_positions_m"], [(0, -half / 2, 0), (0, half / 2, half)], rtol=1e-12)
     assert fields["element"] == "iwr1843"
@@ -57,7 +54,7 @@ def test_half_wavelengths_are_those_of_the_design_frequency(tmp_path):
 
 def test_table_replaces_the_antennas_of_a_radar_file(tmp_path):
     """The file has four receivers with gains, and the tables have two receivers each: HALF without gains and with the pattern iwr1843."""
-    table, other = write(tmp_path, HALF, "a.yaml"), write(tmp_path, TABLE)
+    table, other = write(tmp_path, HALF, "half.csv"), write(tmp_path, TABLE)
     gained = dataclasses.replace(rt.Radar.iwr1843(), tx_gains_db=(1.0, 2.0), rx_gains_db=(1.0, 2.0, 3.0, 4.0))
     (tmp_path / "r.json").write_text(json.dumps(gained.to_dict()))
 
@@ -80,7 +77,7 @@ def test_table_replaces_the_antennas_of_a_named_radar(tmp_path, monkeypatch):
     refused(["radar.array"], compose, [f"radar.array={path}", "radar.tx_positions_m=[[0.0,0.0,0.0]]"], error=ConfigError)
     gained = dataclasses.replace(rt.Radar.iwr1843(), rx_gains_db=(1.0, 2.0, 3.0, 4.0))
     monkeypatch.setitem(NAMED, "iwr1843", lambda: gained)
-    radar = build_radar(compose([f"radar.array={write(tmp_path, HALF, 'a.yaml')}", "radar.element=isotropic"]).radar)
+    radar = build_radar(compose([f"radar.array={write(tmp_path, HALF, 'half.csv')}", "radar.element=isotropic"]).radar)
     assert (radar.element, radar.num_rx, radar.rx_gains_db) == ("isotropic", 2, None)
 
 

@@ -36,12 +36,7 @@ ARRAYS = [
     ("a.csv", "", ("no antenna",)),
     ("a.csv", "antenna,y_m, y_m\ntx,0,0\nrx,0,0\nrx,0.002,0.003\n", ("column y_m occurs twice",)),
     ("a.csv", "antenna,y_m,gain_db\ntx,0,1e9\nrx,0,0\nrx,0.002,0\n", ("antenna 1: gain_db", "-100 to 100 dB, not 1e+09")),
-    ("a.yaml", "elements: 5", ("elements", "list")),
-    ("a.yaml", "elements: [1]", ("elements", "list")),
-    ("a.yaml", "spacing: 1\nelements: []", ("spacing",)),
-    ("a.yaml", "elements: [{antenna: tx, y_m: true}, {antenna: rx, y_m: 0}]", ("antenna 1", "True")),
-    ("a.yaml", "elements: [{antenna: rx, y_m: 0}, {antenna: [tx], y_m: 0}]", ("antenna 2: antenna must be a single", "['tx']")),
-    ("a.yaml", "pattern: [iwr1843]\nelements: [{antenna: tx, y_m: 0}]", ("a.yaml: pattern must be a single", "['iwr1843']")),
+    ("a.yaml", "elements: []", (".csv",)),
     ("a.txt", "antenna,y_m", (".csv",)),
 ]
 # Changes of a valid .cfg.
@@ -92,10 +87,8 @@ MAPPINGS = [
     ("m.yaml", "files: []", ("keys card and captures",)),
     ("m.yaml", "captures: {a: b}", ("list of mappings",)),
     ("m.yaml", "captures: [{object: mug}]", ("captures[0]: the key 'file' is missing",)),
-    ("m.csv", "object,room\nmug,lab\n", ("no column 'file'",)),
-    ("m.csv", "file,object\na\n", ("line 2: expected one value per column",)),
-    ("m.csv", "file,object\na,b,c\n", ("line 2: expected one value per column",)),
-    ("m.txt", "", ("ends in .yaml or .csv",)),
+    ("m.csv", "file,object\na,b\n", ("ends in .yaml",)),
+    ("m.txt", "", ("ends in .yaml",)),
 ]
 LOGS = [
     (log_text(9, mode="Multi"), "log mode Multi"),
@@ -132,9 +125,9 @@ def test_malformed_file_is_refused_in_one_line(tmp_path, read, name, text, words
 
 
 READERS: dict[str, Callable[[Path], object]] = {
-    **dict.fromkeys(("a.cfg", "a.mmwave.json", "a.yaml"), Radar.from_file), "array.csv": read_array, "array.yaml": read_array,
+    **dict.fromkeys(("a.cfg", "a.mmwave.json", "a.yaml"), Radar.from_file), "array.csv": read_array,
     **dict.fromkeys(("a.npy", "a.npz"), lambda path: load_capture(path, Radar.iwr1843())), "a.bin": load_capture, "a_LogFile.csv": read_log,
-    "map.csv": read_mapping, "map.yaml": read_mapping, "track.txt": read_track, "track.mcap": read_track,
+    "map.yaml": read_mapping, "track.txt": read_track, "track.mcap": read_track,
     "0.1.png": lambda path: Picture(path, 0, "png").read(),
 }  # fmt: skip
 

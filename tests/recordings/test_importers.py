@@ -207,13 +207,14 @@ def test_second_capture_of_the_same_name_is_refused_unless_its_conditions_are_eq
     assert [row.distance_m for row in RecordingSet.load(tmp_path / "set")] == [1.5, 2.5]
 
 
-def test_csv_mapping_skips_captures_without_an_entry(campaign: Path) -> None:
-    (campaign / "map.csv").write_text(
-        "file,object,distance_m,room,motion,trajectory\ncan_1m/run1,can,1,lab,depth,drive.txt\nmug_1m/run*,mug,1,lab,lateral,\n"
+def test_mapping_skips_captures_without_an_entry(campaign: Path) -> None:
+    (campaign / "map.yaml").write_text(
+        "captures:\n- {file: can_1m/run1, object: can, distance_m: 1, room: lab, motion: depth, trajectory: drive.txt}\n"
+        "- {file: mug_1m/run*, object: mug, distance_m: 1, room: lab, motion: lateral}\n"
     )
     (campaign / "raw" / "drive.txt").write_text("0 0 0 0 0 0 0 1\n5 1 0 0 0 0 0 1\n")
     notes: list[str] = []
-    made, added = import_captures(campaign / "raw", campaign / "set", CARD, read_mapping(campaign / "map.csv"), say=notes.append)
+    made, added = import_captures(campaign / "raw", campaign / "set", CARD, read_mapping(campaign / "map.yaml"), say=notes.append)
     assert [(row.recording, row.repetition) for row in added] == [("can_1m_run1", 0), ("mug_1m_run1", 0), ("mug_1m_run2", 1)]
     assert "5 of 8 captures match no entry" in notes[0]
     poses = np.asarray(made.read(added[0]).sensor_poses)

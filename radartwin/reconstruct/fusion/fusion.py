@@ -21,6 +21,7 @@ from radartwin.reconstruct.fusion.alignment import AlignmentReport, align
 from radartwin.reconstruct.fusion.marching import extract
 from radartwin.reconstruct.fusion.views import REFERENCE_NOISE_M, Views
 from radartwin.reconstruct.fusion.volume import View, Volume
+from radartwin.reconstruct.mesh_distance import to_mesh
 from radartwin.reconstruct.scan_file import ScanWarning
 
 VOXELS_ACROSS = 450  # number of voxels along the room's diagonal, which gives 2 cm voxels for a diagonal of 9 m
@@ -31,7 +32,7 @@ FAR_SHARE = 0.05  # a larger share of depth pixels beyond MAX_RANGE_M causes a w
 CHECKED_FRAMES = 12  # number of frames in which the share of depth pixels beyond MAX_RANGE_M is determined
 MAX_FRAMES = 400  # if there are more frames, every n-th frame is used
 SMALLEST_PART_M2 = 0.03  # smaller connected parts of the mesh are removed as flying pixels
-RESIDUAL_STEP = 7  # the distance of the depth pixels from the fused surface is computed at every seventh pixel in both directions
+RESIDUAL_STEP = 21  # the distance of the depth pixels from the fused surface is computed at every 21st pixel in both directions
 
 
 @dataclasses.dataclass(frozen=True)
@@ -152,8 +153,8 @@ def fuse(
     # a wrong surface removes this surface.
     mesh, coloured = extract(volume, (REFERENCE_NOISE_M / volume.truncation_m) ** 2)
     mesh, coloured, removed = without_small_parts(mesh, coloured)
-    residual = np.concatenate([volume.distance(_points(views[i], RESIDUAL_STEP)) for i in usable])
-    near = residual[np.isfinite(residual) & (np.abs(residual) < 0.99 * volume.truncation_m)]
+    residual = to_mesh(np.concatenate([_points(views[i], RESIDUAL_STEP) for i in usable]), mesh)
+    near = residual[residual < 0.99 * volume.truncation_m]
     return mesh, FusionReport(
         source=frames.source,
         frames=len(frames),
@@ -166,7 +167,7 @@ def fuse(
         area_m2=float(mesh.area),
         extents_m=[float(e) for e in mesh.extents],
         residual_rms_m=float(np.sqrt(np.mean(near**2))) if len(near) else float("nan"),
-        residual_median_m=float(np.median(np.abs(near))) if len(near) else float("nan"),
+        residual_median_m=float(np.median(near)) if len(near) else float("nan"),
         explained=len(near) / max(len(residual), 1),
         coloured=float(coloured.mean()),
         small_parts=removed,

@@ -91,15 +91,6 @@ class Volume:
         voxels = (self.blocks, self.sdf, self.weight, self.colour, self.colour_weight, self.origin, self.voxel_m, self.truncation_m)
         shared_out(_integrate, len(self.blocks), voxels, view, rotation, -rotation @ view.pose[:3, 3])
 
-    def distance(self, points: np.ndarray) -> np.ndarray:
-        """Interpolate the signed distance (N,) in metres at world points (N, 3); NaN unless all eight voxels around the point were
-        observed.
-        """
-        points = np.ascontiguousarray(points, dtype=np.float64)
-        distances = np.empty(len(points))
-        shared_out(_distance, len(points), points, self.slot, self.sdf, self.weight, self.origin, self.voxel_m, distances)
-        return distances
-
 
 @compiled
 def _mark(depth, weight, lens, pose, origin, edge, truncation, marked):
@@ -195,29 +186,3 @@ def _integrate(first, last, voxels, view, rotation, shift):
                             colour_weight[b, i, j, k] += w
                             for channel in range(3):
                                 colour[b, i, j, k, channel] += share * (picture[m, n, channel] - colour[b, i, j, k, channel])
-
-
-@compiled
-def _distance(first, last, points, slot, sdf, weight, origin, voxel, distances):
-    """Write the trilinearly interpolated signed distances of the points number `first` to `last`; NaN beside unobserved voxels."""
-    nx, ny, nz = slot.shape
-    corner = np.empty((2, 2, 2))
-    for p in range(first, last):
-        distances[p] = np.nan
-        x, y, z = (points[p, 0] - origin[0]) / voxel, (points[p, 1] - origin[1]) / voxel, (points[p, 2] - origin[2]) / voxel
-        i, j, k = int(np.floor(x)), int(np.floor(y)), int(np.floor(z))
-        known = i >= 0 and j >= 0 and k >= 0 and i + 1 < nx * SIDE and j + 1 < ny * SIDE and k + 1 < nz * SIDE
-        for c in range(8):
-            if not known:
-                break
-            di, dj, dk = c >> 2, (c >> 1) & 1, c & 1
-            b = slot[(i + di) // SIDE, (j + dj) // SIDE, (k + dk) // SIDE]
-            if b < 0 or weight[b, (i + di) % SIDE, (j + dj) % SIDE, (k + dk) % SIDE] <= 0:
-                known = False
-            else:
-                corner[di, dj, dk] = sdf[b, (i + di) % SIDE, (j + dj) % SIDE, (k + dk) % SIDE]
-        if known:
-            a, c, e = x - i, y - j, z - k
-            plane = (1 - a) * corner[0] + a * corner[1]
-            line = (1 - c) * plane[0] + c * plane[1]
-            distances[p] = (1 - e) * line[0] + e * line[1]
