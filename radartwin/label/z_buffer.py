@@ -9,6 +9,7 @@ import trimesh
 
 from radartwin.scene.raster import drawn_faces
 from radartwin.scene.scene import Scene
+from radartwin.scene.textures import texture
 
 UNCOLOURED = 200.0  # grey level (0 to 255) of a mesh without colours
 BACKGROUND = 255.0
@@ -141,7 +142,7 @@ class Drawing(Triangles):
         )
         appearances = [_appearance(mesh) for mesh in meshes]
         self._corner_colour = np.concatenate([colours for colours, _, _ in appearances])
-        self._textures = {index: texture for index, (_, texture, _) in enumerate(appearances) if texture is not None}
+        self._textures = {index: of_mesh for index, (_, of_mesh, _) in enumerate(appearances) if of_mesh is not None}
         self._min_shade = np.repeat(np.array([shade for _, _, shade in appearances]), np.diff(self.first_face))
 
     def picture(self, camera: Camera, seen: Seen) -> np.ndarray:
@@ -157,51 +158,35 @@ class Drawing(Triangles):
         colours = (shade[:, None] * np.einsum("nk,nkc->nc", weights, self._corner_colour[face])).astype(np.float32)
         weights = weights.astype(np.float32)
         for index in np.unique(self.surface[face]):
-            if (texture := self._textures.get(int(index))) is not None:
-                of_surface = self.surface[face] == index  # white before the multiplication
-                colours[of_surface] *= texture.at(face[of_surface] - self.first_face[index], weights[of_surface])
+            if int(index) in self._textures:
+                of_surface, (image, uv) = self.surface[face] == index, self._textures[int(index)]
+                colours[of_surface] *= _texels(image, uv[face[of_surface] - self.first_face[index]], weights[of_surface])  # white before
         out = np.full((*seen.face.shape, 3), BACKGROUND)
         out[shown] = colours
         return np.clip(np.rint(out), 0, 255).astype(np.uint8)
 
 
-class _Texture:
-    """A texture of a mesh: image (h, w, 3) uint8, and texture coordinates (F, 3, 2) of the corners of every face."""
-
-    def __init__(self, image: np.ndarray, uv: np.ndarray) -> None:
-        self._image, self._uv = image, uv
-
-    def at(self, face: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Return the colours (N, 3), 0 to 1, of the texels nearest to the points with barycentric coordinates `weights` (N, 3) on the faces
-        `face` (N,).
-        """
-        height, width = self._image.shape[:2]
-        u, v = np.einsum("nk,nkc->cn", weights, self._uv[face])
-        column = np.minimum((np.mod(u, 1.0) * width).astype(int), width - 1)
-        row = np.minimum((np.mod(1.0 - v, 1.0) * height).astype(int), height - 1)
-        return self._image[row, column].astype(np.float32) / 255
+def _texels(image: np.ndarray, uv: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return the colours (N, 3), 0 to 1, of the texels nearest to points with barycentric coordinates (N, 3) on faces of `uv` (N, 3, 2)."""
+    height, width = image.shape[:2]
+    u, v = np.einsum("nk,nkc->cn", weights, uv)
+    column = np.minimum((np.mod(u, 1.0) * width).astype(int), width - 1)
+    row = np.minimum((np.mod(1.0 - v, 1.0) * height).astype(int), height - 1)
+    return image[row, column].astype(np.float32) / 255
 
 
-def _appearance(mesh: trimesh.Trimesh) -> tuple[np.ndarray, _Texture | None, float]:
+def _appearance(mesh: trimesh.Trimesh) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray] | None, float]:
     """Return corner colours (F, 3, 3) of a mesh (white with a texture), its texture or None, and the brightness at grazing incidence."""
     visual, faces = mesh.visual, np.asarray(mesh.faces)
     kind = getattr(visual, "kind", None)
     flat = np.ones((len(faces), 3, 3), np.float32)
     if kind == "texture":
-        image, uv = _image(visual), getattr(visual, "uv", None)
+        image, uv = texture(mesh), getattr(visual, "uv", None)
         if image is not None and uv is not None:
-            return flat * 255, _Texture(image, np.asarray(uv, np.float32)[faces]), COLOURED_SHADE
+            return flat * 255, (np.asarray(image.convert("RGB")), np.asarray(uv, np.float32)[faces]), COLOURED_SHADE
         return flat * np.asarray(visual.material.main_color, np.float32)[:3], None, COLOURED_SHADE  # type: ignore[union-attr]
     if kind == "face":
         return flat * np.asarray(visual.face_colors, np.float32)[:, None, :3], None, COLOURED_SHADE  # type: ignore[union-attr]
     if kind == "vertex":
         return np.asarray(visual.vertex_colors, np.float32)[faces][..., :3], None, COLOURED_SHADE  # type: ignore[union-attr]
     return flat * UNCOLOURED, None, UNCOLOURED_SHADE
-
-
-def _image(visual) -> np.ndarray | None:
-    material = getattr(visual, "material", None)
-    image = getattr(material, "baseColorTexture", None)
-    if image is None:
-        image = getattr(material, "image", None)
-    return None if image is None else np.asarray(image.convert("RGB"))

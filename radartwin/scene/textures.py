@@ -140,6 +140,12 @@ def tiled(name: str, size_m: tuple[float, float], pixel_m: float) -> np.ndarray:
     return tile[rows[:, None], columns[None, :]] / 255.0
 
 
+def texture(mesh: trimesh.Trimesh) -> Image.Image | None:
+    """Return the picture of a mesh's texture, or None for a mesh without a texture."""
+    material = getattr(mesh.visual, "material", None)
+    return getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
+
+
 def _box_projected(mesh: trimesh.Trimesh, material: PBRMaterial, size_m: tuple[float, float], fit: bool) -> trimesh.Trimesh:
     faces, vertices, normals = np.asarray(mesh.faces), np.asarray(mesh.vertices), np.asarray(mesh.vertex_normals)
     side = np.argmax(np.abs(mesh.face_normals) - [0, 0, 1e-6], axis=1)

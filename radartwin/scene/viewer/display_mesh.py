@@ -11,6 +11,7 @@ import trimesh
 from PIL import Image
 
 from radartwin.scene.surface import Surface
+from radartwin.scene.textures import texture
 
 MAX_FACES = 300_000  # largest number of faces in a web page; a scene with more faces is simplified
 WALL_M2 = 0.5  # smallest area of a wall that the page can hide; smaller surfaces block little of the view
@@ -104,12 +105,6 @@ def hatched(image: Image.Image) -> Image.Image:
     stripe = (row + column) // HATCH_PX % 2
     pixels[row, column, :3] = np.array(HATCH, dtype=np.uint8)[stripe]
     return Image.fromarray(np.ascontiguousarray(pixels[..., :3]))
-
-
-def texture(mesh: trimesh.Trimesh) -> Image.Image | None:
-    """Return the picture of the mesh's texture, or None for a mesh without a texture."""
-    material = getattr(mesh.visual, "material", None)
-    return getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
 
 
 def wall_planes(surfaces: Sequence[Surface]) -> list[dict[str, list[float]] | None]:

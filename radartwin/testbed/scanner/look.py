@@ -9,10 +9,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import trimesh
 
 from radartwin.materials import Layered, layered
 from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.textures import texture as texture_of
 
 LEVELS = 7  # number of resolution levels of a texture; each level has half the width and height of the previous level
 METAL_SHEEN, DIELECTRIC_SHEEN = 0.55, 0.04  # reflectance at normal incidence: brushed metal; glass and lacquer of index 1.5
@@ -89,14 +89,15 @@ def _faces(surface: Surface, index: int, pictures: dict[int, tuple[int, np.ndarr
     normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-15)[:, None]
     to_uv, texture = np.zeros((count, 2, 4)), np.full(count, -1, np.int32)
     tint = np.tile(to_linear(np.array(PLAIN.get(outer, OTHER), np.uint8)), (count, 1))
-    picture, uv = _picture(mesh)
+    picture, uv = texture_of(mesh), getattr(mesh.visual, "uv", None)
     if picture is not None and uv is not None:
         if id(picture) not in pictures:
             pictures[id(picture)] = (len(pictures), np.asarray(picture.convert("RGB")))
         number, pixels = pictures[id(picture)]
         texture[:] = number
         height, width = pixels.shape[:2]
-        corner = uv[np.asarray(mesh.faces)] * (width, -height) + (-0.5, height - 0.5)  # v increases upwards, pixel rows downwards
+        # v increases upwards, pixel rows downwards
+        corner = np.asarray(uv, dtype=np.float64)[np.asarray(mesh.faces)] * (width, -height) + (-0.5, height - 0.5)
         to_uv = _affine(triangles, normals, corner)
     return {
         "triangles": triangles,
@@ -131,15 +132,6 @@ def _outer(material: str | Layered) -> str:
     if isinstance(material, str):
         return material
     return material.layers[0][0] if material.layers else material.backing
-
-
-def _picture(mesh: trimesh.Trimesh):
-    """Return a mesh's texture (Pillow image) and the texture coordinates (V, 2) of its vertices; (None, None) without texture."""
-    visual = mesh.visual
-    uv = getattr(visual, "uv", None)
-    material = getattr(visual, "material", None)
-    picture = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
-    return (picture, np.asarray(uv, dtype=np.float64)) if picture is not None and uv is not None else (None, None)
 
 
 def _affine(triangles: np.ndarray, normals: np.ndarray, corner: np.ndarray) -> np.ndarray:
