@@ -15,8 +15,7 @@ band and the shape of the transition are assumptions of this module.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -70,6 +69,3 @@ class IfFilter:
             high = np.abs(high).astype(np.complex128)
         transition = np.clip((np.abs(beat_hz) / band_hz - self.pass_share) / (1 - self.pass_share), 0, 1)
         return high * 10 ** (-self.stop_db / 20 * np.sin(np.pi / 2 * transition) ** 2)
-
-    def to_dict(self) -> dict[str, Any]:
-        return asdict(self) | {"high_pass_hz": list(self.high_pass_hz)}
