@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
+from radartwin.compiled import compiled
 from radartwin.scene.raster import drawn_faces
 from radartwin.scene.scene import Scene
 from radartwin.scene.textures import texture
@@ -147,22 +148,15 @@ class Drawing(Triangles):
 
     def picture(self, camera: Camera, seen: Seen) -> np.ndarray:
         """Render a picture (h, w, 3) uint8 in the colours of the surfaces, lit by a lamp at the camera, on a white background."""
-        shown = seen.face >= 0
-        face, (rows, columns) = seen.face[shown], np.nonzero(shown)
-        rays = np.column_stack([columns, rows, np.ones(len(face))]) @ np.linalg.inv(camera.intrinsics).T
-        a, b, c = self._local(camera)[self.faces[face]].swapaxes(0, 1)
-        # The ray d of a pixel hits the triangle a, b, c at the barycentric coordinates d.(b x c), d.(c x a) and d.(a x b) over their sum.
-        weights = np.stack([(rays * np.cross(p, q)).sum(axis=1) for p, q in ((b, c), (c, a), (a, b))], axis=1)
-        weights /= weights.sum(axis=1, keepdims=True)
-        shade = self._min_shade[face] + (1 - self._min_shade[face]) * np.abs(self.facing(camera, seen, shown))
-        colours = (shade[:, None] * np.einsum("nk,nkc->nc", weights, self._corner_colour[face])).astype(np.float32)
-        weights = weights.astype(np.float32)
-        for index in np.unique(self.surface[face]):
-            if int(index) in self._textures:
-                of_surface, (image, uv) = self.surface[face] == index, self._textures[int(index)]
-                colours[of_surface] *= _texels(image, uv[face[of_surface] - self.first_face[index]], weights[of_surface])  # white before
-        out = np.full((*seen.face.shape, 3), BACKGROUND)
-        out[shown] = colours
+        weights = np.zeros((*seen.face.shape, 3), np.float32)
+        out = np.full((*seen.face.shape, 3), BACKGROUND, np.float32)
+        rays = np.linalg.inv(camera.intrinsics)
+        _paint(self._local(camera), self.faces, rays, seen.face, self._corner_colour, self._min_shade, weights, out)
+        surface = self.surfaces(seen)
+        for index, (image, uv) in self._textures.items():
+            if (pixels := surface == index).any():
+                # `out` is white at textured surfaces
+                out[pixels] *= _texels(image, uv[seen.face[pixels] - self.first_face[index]], weights[pixels])
         return np.clip(np.rint(out), 0, 255).astype(np.uint8)
 
 
@@ -190,3 +184,32 @@ def _appearance(mesh: trimesh.Trimesh) -> tuple[np.ndarray, tuple[np.ndarray, np
     if kind == "vertex":
         return np.asarray(visual.vertex_colors, np.float32)[faces][..., :3], None, COLOURED_SHADE  # type: ignore[union-attr]
     return flat * UNCOLOURED, None, UNCOLOURED_SHADE
+
+
+@compiled
+def _paint(points, faces, rays, face, corner_colour, min_shade, weights, out):
+    """Write the barycentric coordinates (h, w, 3) and shaded colours (h, w, 3) of the pixels that show a face (index `face` >= 0)."""
+    height, width = face.shape
+    for v in range(height):
+        for u in range(width):
+            f = face[v, u]
+            if f < 0:
+                continue
+            x = rays[0, 0] * u + rays[0, 1] * v + rays[0, 2]
+            y = rays[1, 0] * u + rays[1, 1] * v + rays[1, 2]
+            ax, ay, az = points[faces[f, 0], 0], points[faces[f, 0], 1], points[faces[f, 0], 2]
+            bx, by, bz = points[faces[f, 1], 0], points[faces[f, 1], 1], points[faces[f, 1], 2]
+            gx, gy, gz = points[faces[f, 2], 0], points[faces[f, 2], 1], points[faces[f, 2], 2]
+            p = x * (by * gz - bz * gy) + y * (bz * gx - bx * gz) + (bx * gy - by * gx)
+            q = x * (gy * az - gz * ay) + y * (gz * ax - gx * az) + (gx * ay - gy * ax)
+            r = x * (ay * bz - az * by) + y * (az * bx - ax * bz) + (ax * by - ay * bx)
+            total = p + q + r
+            p, q, r = p / total, q / total, r / total
+            weights[v, u, 0], weights[v, u, 1], weights[v, u, 2] = p, q, r
+            sx, sy, sz = bx - ax, by - ay, bz - az
+            tx, ty, tz = gx - ax, gy - ay, gz - az
+            nx, ny, nz = sy * tz - sz * ty, sz * tx - sx * tz, sx * ty - sy * tx
+            facing = abs(x * nx + y * ny + nz) / max(np.sqrt((nx * nx + ny * ny + nz * nz) * (x * x + y * y + 1.0)), 1e-30)
+            shade = min_shade[f] + (1.0 - min_shade[f]) * facing
+            for c in range(3):
+                out[v, u, c] = shade * (p * corner_colour[f, 0, c] + q * corner_colour[f, 1, c] + r * corner_colour[f, 2, c])
