@@ -1,15 +1,8 @@
 """Compute the feature families of a motion, as one vector per recording or as one row per frame.
 
-A feature set is a list of feature families (radartwin/features/sets.py), as in the section "motion-specific feature design" of the
-RadarTwin paper:
-- The set `rotation` is for a target on a turntable at a fixed distance. This set has the families harmonics, envelope, extent and
-  brightness.
-- The set `depth` is for a drive along the line of sight. This set has the families track, multipath, window, extent and brightness.
-- The set `lateral` is for a drive past the target, at right angles to the line of sight. This set has the families harmonics, envelope,
-  multipath, window, extent and brightness.
-- The set `raw` is a baseline for any motion. This set has only the family profile, which is the unprocessed range profile.
-To compare only the shapes of targets, exclude the signal level with `without=["brightness"]`. The families harmonics and envelope describe
-a whole motion, so all rows per frame contain the same values of these families.
+The module radartwin.features.sets lists the families of each feature set. To compare only the shapes of targets, exclude the signal level
+with `without=["brightness"]`. The families harmonics and envelope describe a whole motion, so all rows per frame contain the same values of
+these families.
 """
 
 from __future__ import annotations
