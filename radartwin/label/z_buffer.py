@@ -1,4 +1,10 @@
-"""Draw pictures of a scene: the triangles that a camera sees, their depths and their colours."""
+"""Render the triangles, depths and colours that a camera sees in a scene, with a deterministic z-buffer on the CPU.
+
+The method is homogeneous rasterisation (M. Olano, T. Greer, Graphics Hardware 1997). The ray d = (x, y, 1) of a pixel hits the triangle
+with corners a, b, c if d.(b x c), d.(c x a) and d.(a x b) have the same sign. The depth of the hit is a.(b x c) divided by the sum of these
+three products. Therefore the rasteriser never clips a triangle, and never divides a vertex by its depth. Both sides of a triangle are
+drawn, because a scan does not tell which side of a surface is the outer side.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +14,10 @@ import numpy as np
 import trimesh
 
 from radartwin.compiled import compiled
-from radartwin.scene.raster import drawn_faces
 from radartwin.scene.scene import Scene
 from radartwin.scene.textures import texture
 
+NEAR_M = 0.05
 UNCOLOURED = 200.0  # grey level (0 to 255) of a mesh without colours
 BACKGROUND = 255.0
 # brightness at grazing incidence, relative to normal incidence; larger for scan colours, which already contain shading
@@ -86,8 +92,10 @@ class Triangles:
 
     def seen(self, camera: Camera) -> Seen:
         """Find the triangle that each pixel of a camera shows."""
-        triangles, order = self._local(camera)[self.faces], np.arange(len(self.faces))
-        return Seen(*drawn_faces(triangles, order, camera.intrinsics, (camera.width, camera.height)))
+        depth = np.full((camera.height, camera.width), np.inf)
+        face = np.full((camera.height, camera.width), -1, np.int64)
+        _rasterise(self._local(camera), self.faces, camera.intrinsics, np.linalg.inv(camera.intrinsics), depth, face)
+        return Seen(face, depth)
 
     def _local(self, camera: Camera) -> np.ndarray:
         """Return the vertices (V, 3) in the coordinates of the camera."""
@@ -213,3 +221,59 @@ def _paint(points, faces, rays, face, corner_colour, min_shade, weights, out):
             shade = min_shade[f] + (1.0 - min_shade[f]) * facing
             for c in range(3):
                 out[v, u, c] = shade * (p * corner_colour[f, 0, c] + q * corner_colour[f, 1, c] + r * corner_colour[f, 2, c])
+
+
+@compiled
+def _rasterise(points, faces, intrinsics, rays, depth, face):
+    """Fill `depth` (h, w) and `face` (h, w) from points (V, 3) in camera axes and faces (F, 3); at equal depth the face with the lower
+    index is kept.
+    """
+    height, width = depth.shape
+    fx, fy, cx, cy, skew = intrinsics[0, 0], intrinsics[1, 1], intrinsics[0, 2], intrinsics[1, 2], intrinsics[0, 1]
+    for f in range(len(faces)):
+        ax, ay, az = points[faces[f, 0], 0], points[faces[f, 0], 1], points[faces[f, 0], 2]
+        bx, by, bz = points[faces[f, 1], 0], points[faces[f, 1], 1], points[faces[f, 1], 2]
+        gx, gy, gz = points[faces[f, 2], 0], points[faces[f, 2], 1], points[faces[f, 2], 2]
+        if max(az, bz, gz) <= NEAR_M:
+            continue
+        # Compute the pixel bounds of a triangle's part in front of the camera, from its corners and its edges' near-plane crossings.
+        low_u, high_u, low_v, high_v = np.inf, -np.inf, np.inf, -np.inf
+        for edge in range(3):
+            p, q = points[faces[f, edge]], points[faces[f, (edge + 1) % 3]]
+            if p[2] > NEAR_M:
+                u, v = (fx * p[0] + skew * p[1]) / p[2] + cx, fy * p[1] / p[2] + cy
+                low_u, high_u, low_v, high_v = min(low_u, u), max(high_u, u), min(low_v, v), max(high_v, v)
+            if (p[2] > NEAR_M) != (q[2] > NEAR_M):
+                s = (NEAR_M - p[2]) / (q[2] - p[2])
+                x, y = p[0] + s * (q[0] - p[0]), p[1] + s * (q[1] - p[1])
+                u, v = (fx * x + skew * y) / NEAR_M + cx, fy * y / NEAR_M + cy
+                low_u, high_u, low_v, high_v = min(low_u, u), max(high_u, u), min(low_v, v), max(high_v, v)
+        if high_u < 0 or low_u > width - 1 or high_v < 0 or low_v > height - 1:
+            continue
+        left, right = int(np.ceil(max(low_u, 0.0))), int(np.floor(min(high_u, width - 1.0)))
+        top, bottom = int(np.ceil(max(low_v, 0.0))), int(np.floor(min(high_v, height - 1.0)))
+        # The sign of the dot product of a ray with b x c, c x a or a x b tells on which side of the triangle edge between these two corners
+        # the ray passes.
+        e0x, e0y, e0z = by * gz - bz * gy, bz * gx - bx * gz, bx * gy - by * gx
+        e1x, e1y, e1z = gy * az - gz * ay, gz * ax - gx * az, gx * ay - gy * ax
+        e2x, e2y, e2z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        volume = ax * e0x + ay * e0y + az * e0z
+        if volume == 0.0:
+            continue
+        sign = 1.0 if volume > 0 else -1.0
+        for v in range(top, bottom + 1):
+            for u in range(left, right + 1):
+                x = rays[0, 0] * u + rays[0, 1] * v + rays[0, 2]
+                y = rays[1, 0] * u + rays[1, 1] * v + rays[1, 2]
+                first = sign * (x * e0x + y * e0y + e0z)
+                second = sign * (x * e1x + y * e1y + e1z)
+                third = sign * (x * e2x + y * e2y + e2z)
+                if first < 0.0 or second < 0.0 or third < 0.0:
+                    continue
+                total = first + second + third
+                if total <= 0.0:
+                    continue
+                z = sign * volume / total
+                if z > NEAR_M and z < depth[v, u]:
+                    depth[v, u] = z
+                    face[v, u] = f

@@ -8,9 +8,9 @@ import functools
 import numpy as np
 
 from radartwin.compiled import compiled
-from radartwin.scene.raster import nearest_faces
 from radartwin.testbed.scanner.light import Light, shaded, through_glass
 from radartwin.testbed.scanner.look import Look
+from radartwin.testbed.scanner.raster import nearest_faces
 
 VIGNETTE = 0.12  # relative loss of brightness in the corners of the colour picture
 GRAIN = 1.2  # standard deviation of the noise in the colour picture, for 8-bit values from 0 to 255

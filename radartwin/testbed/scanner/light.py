@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from radartwin.scene.raster import nearest_faces
 from radartwin.testbed.scanner.look import Look
+from radartwin.testbed.scanner.raster import nearest_faces
 from radartwin.testbed.scanner.shading import Light, Run, glaze, shade
 
 SHADOW_PIXELS, MIRROR_PIXELS = 256, 128

@@ -37,24 +37,13 @@ def nearest_faces(
     >>> int(face.max()), float(depth[0, 0])
     (0, 2.0)
     """
-    rotation = pose[:3, :3].T
-    return drawn_faces(triangles @ rotation.T - rotation @ pose[:3, 3], np.flatnonzero(drawn), intrinsics, size, depth, near_m)
-
-
-def drawn_faces(
-    seen: np.ndarray,
-    order: np.ndarray,
-    intrinsics: np.ndarray,
-    size: tuple[int, int],
-    depth: np.ndarray | None = None,
-    near_m: float = NEAR_M,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the result of `nearest_faces` for the faces `order` of triangles `seen` (F, 3, 3) in camera coordinates."""
     width, height = size
     face = np.full((height, width), -1, np.int32)
     depth = np.full((height, width), np.inf, np.float32) if depth is None else depth.astype(np.float32)
+    rotation = pose[:3, :3].T
+    seen = triangles @ rotation.T - rotation @ pose[:3, 3]
     lens = np.array([intrinsics[0, 0], intrinsics[1, 1], intrinsics[0, 2], intrinsics[1, 2]])
-    _draw(np.ascontiguousarray(seen), order, lens, near_m, face, depth)
+    _draw(np.ascontiguousarray(seen), np.flatnonzero(drawn), lens, near_m, face, depth)
     depth[face < 0] = np.inf
     return face, depth
 
