@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
-from radartwin.config.checked_fields import check_fields, check_selector, choice, share
+from radartwin.config.checked_fields import check_fields, check_selector, share
 
 
 @dataclass
@@ -52,7 +52,6 @@ class RandomMaterials(MaterialsConfig):
     seeded = True
     source: str = "random"
     p: float = share(0.5)  # probability that a surface gets a wrong material label, 0 to 1
-    among: str = choice("room", "all")  # wrong labels come from the material categories of the room | from all MINC categories
 
 
 @dataclass

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, is_dataclass
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -114,14 +114,13 @@ class Truth:
 class Random:
     """A material source that replaces each true material label by a wrong label with probability p.
 
-    A wrong label is drawn uniformly from the MINC categories that differ from the true category, and has the material of the drawn
-    category. A right label keeps the true material. The random numbers do not depend on p, so a surface that gets a wrong label at a
+    A wrong label is drawn uniformly from the MINC categories of the room that differ from the true category, and has the material of the
+    drawn category. A right label keeps the true material. The random numbers do not depend on p, so a surface that gets a wrong label at a
     probability p also gets a wrong label at every larger p.
 
     Args:
         p: probability that a surface gets a wrong material label, 0 to 1.
         seed: seed of the random numbers, used together with name and index of the surface.
-        among: "room" draws wrong labels from the categories of the room, "all" from all MINC categories except `other`.
     Raises:
         ConfigError: p is outside 0 to 1.
         SceneError: a surface has no true MINC category, or the room has only one category to draw from.
@@ -130,13 +129,10 @@ class Random:
     name = "random"
     p: float = 0.5
     seed: int = 0
-    among: Literal["room", "all"] = "room"
 
     def __post_init__(self) -> None:
         if not 0 <= self.p <= 1:
             raise ConfigError(f"materials=random: p is {self.p!r}; give the share of wrong labels, 0 to 1")
-        if self.among not in ("room", "all"):
-            raise ConfigError(f"materials=random: among is {self.among!r}; choose room or all")
 
     def __call__(self, scene: Scene) -> Scene:
         true = Truth()(scene)
@@ -144,9 +140,9 @@ class Random:
         unknown = [name for name, minc in categories.items() if minc is None]
         if unknown:
             raise SceneError(f"materials=random needs the true category of surface '{unknown[0]}'; give it as minc in its provenance")
-        present = [c for c in CATEGORIES if c in categories.values()] if self.among == "room" else [c for c in CATEGORIES if c != "other"]
+        present = [c for c in CATEGORIES if c in categories.values()]
         if self.p > 0 and len(present) < 2 and categories:
-            raise SceneError("materials=random: the room has one category, so no label can be wrong; use among=all")
+            raise SceneError("materials=random: the room has one category, so no label can be wrong; use another room")
 
         def drawn(index: int, surface: Surface) -> Label:
             stream = np.random.default_rng(np.random.SeedSequence([self.seed, *b"random", index, *surface.name.encode()]))
