@@ -60,6 +60,7 @@ class _Source:
         poses: poses of `frames`, or one pose.
         sample_file: the files of a DCA1000 capture or of a trace.
         times_s: times of all frames in seconds since 1970.
+        incomplete: numbers of frames that the capture marks as incomplete.
     """
 
     path: Path
@@ -69,6 +70,7 @@ class _Source:
     poses: NDArray[np.float64] | None = None
     sample_file: dca1000.SampleFile | None = None
     times_s: NDArray[np.float64] | None = None
+    incomplete: NDArray[np.int64] | tuple[()] = ()
 
 
 def load_capture(
@@ -229,6 +231,7 @@ def _recorded(source: _Source, description: Description, iq_swapped: bool | None
         return block if factors is None else block * factors
 
     iq = gathered(source.path, frames, dca1000.frame_shape(radar), read)
+    lost[:] = sorted({*lost, *(int(n) - frames.start for n in source.incomplete if n in frames)})
     board = {"board": description.board} if description.board else {}
     provenance = {"source": source.path.name, "unit": "counts", "band_edge_db": round(edge, 1), **board, **logged}
     poses, first = source.poses, frames.start - source.frames.start

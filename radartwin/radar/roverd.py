@@ -5,6 +5,7 @@ A trace is a folder with one folder for each sensor. This module reads these fil
     config.yaml            settings of the sensors; radar.args.radar holds the waveform
     radar/meta.json        format, type and shape of each channel: {"iq": {"format": "raw", "type": "i2", "shape": [64, 3, 4, 512]}, ...}
     radar/iq               int16 samples [frame, chirp, tx, rx, 2 * sample], in the order Q0 Q1 I0 I1, Q2 Q3 I2 I3, ...
+    radar/valid            uint8, 0 for a frame with lost packets, which are zeros; optional
     radar/ts               float64 start time of each frame, seconds since 1970
     _radar/pose.npz        poses at the times t (N,): pos (N, 3) in metres, rot (N, 3, 3), and mask (F,), the frames with a pose; optional
 
@@ -67,7 +68,12 @@ def opened(channel: Path, radar: Radar, cut: bool, say: Callable[[str], None]) -
         if left_out := len(frames) - (stop - start):
             say(f"{left_out} of {len(frames)} frames have no pose, or precede or follow a frame without a pose, and are left out")
         frames, poses = range(start, stop), poses[np.count_nonzero(mask[:start]) :][: stop - start]
-    return {"frames": frames, "read": stored.samples, "poses": poses, "sample_file": stored, "times_s": times}
+    incomplete = np.zeros(0, np.int64)
+    if (folder / "valid").is_file():  # a frame without a value counts as incomplete
+        incomplete = np.flatnonzero(np.pad(np.fromfile(present(folder / "valid"), "u1"), (0, stored.frames))[: stored.frames] == 0)
+    return {
+        "frames": frames, "read": stored.samples, "poses": poses, "sample_file": stored, "times_s": times, "incomplete": incomplete,
+    }  # fmt: skip
 
 
 def radar_of(trace: Path) -> Radar:

@@ -164,7 +164,7 @@ def test_capture_on_linux_works_as_printed(here: Path, monkeypatch: pytest.Monke
     assert follow(page[last : last + 1], here, untracked) == 1
     said = capsys.readouterr()
     assert "CAPTURED: 1 recording added, 1 in all" in said.out
-    assert "1 of 3 frames have lost packets" in said.err
+    assert "1 of 3 frames hold lost packets" in said.err
     (row,) = RecordingSet.load(here / "CAPTURED")
     assert row.object == "mug"
 
