@@ -95,6 +95,8 @@ def choose(probes: Sequence[tuple[Probe, Limits]], tolerance: float = 1.0, pinne
             probes.
         tolerance: permitted change of a feature, as a multiple of its repeatability limit.
         pinned: {setting: value} of the settings that the search must not change; the finest model has the same fixed values.
+    Raises:
+        InputError: the tolerance is not above zero, or `pinned` names an unknown setting.
     """
     if not tolerance > 0:
         raise InputError(f"tolerance must be above zero, not {tolerance:g}")

@@ -52,6 +52,8 @@ class Limits:
                 the object, at right angles to the line of sight).
             thing: name of the object under test. For None, and for an object without repeated recordings, the function returns the limits
                 pooled over all objects.
+        Raises:
+            InputError: RadarTwin ships no repeatability limits for this motion.
         """
         stored = json.loads(SHIPPED.read_text(encoding="utf-8"))
         if motion not in stored["motions"]:
@@ -65,6 +67,8 @@ class Limits:
 
         Args:
             names: feature names. values, reference: feature values, shape (features,), under the tested model and under the finest model.
+        Raises:
+            InputError: a feature has no repeatability limit.
         """
         apart = distances(names, values, reference)
         if missing := [name for name in apart if not self.of.get(name, 0.0) > 0]:

@@ -24,6 +24,8 @@ def start_offset(reference: np.ndarray, other: np.ndarray, max_frames: int) -> i
         reference: (F,) linear target-gate energy of each frame of the reference recording, at least zero.
         other: (G,) linear target-gate energy of each frame of the other recording, at least zero.
         max_frames: largest magnitude of the delay in frames; the overlap is at least MIN_OVERLAP in any case.
+    Raises:
+        InputError: the energies are negative, not finite, too few, or constant.
 
     >>> pulse = np.exp(-((np.arange(50) - 20.0) ** 2) / 30)
     >>> start_offset(pulse, np.roll(pulse, 4), 10)

@@ -25,7 +25,11 @@ TURN_MPS = 0.2
 
 
 def radial_velocity(processed: Processed, target_m: ArrayLike) -> NDArray[np.float64]:
-    """Estimate the target's radial velocity in each frame in m/s, (F,)."""
+    """Estimate the target's radial velocity in each frame in m/s, (F,).
+
+    Raises:
+        InputError: the recording was processed without Doppler spectra.
+    """
     if processed.doppler is None:
         raise InputError("radial velocity: the recording was processed without Doppler; use process(recording, doppler=True)")
     limit = processed.radar.max_velocity_mps

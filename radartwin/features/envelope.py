@@ -56,6 +56,8 @@ def brightness_db(energy: Real, distance_m: Real) -> float:
     Args:
         energy: (F,) energies from `target_energy`.
         distance_m: (F,) nominal distances of the target in metres.
+    Raises:
+        InputError: the mean energy above the noise is zero or negative.
 
     >>> round(brightness_db(np.full(4, 1e-8), np.full(4, 10.0)), 6)
     -40.0
@@ -67,7 +69,11 @@ def brightness_db(energy: Real, distance_m: Real) -> float:
 
 
 def frames_per_revolution(angle_rad: Real) -> int:
-    """Compute the number of frames per revolution from the nominal turntable angles (F,), which must advance at constant speed."""
+    """Compute the number of frames per revolution from the nominal turntable angles (F,), which must advance at constant speed.
+
+    Raises:
+        InputError: a revolution has fewer than three frames, or the recording is shorter than one revolution.
+    """
     period = _period(angle_rad)
     if not 3 <= period <= len(angle_rad):
         turned = np.rad2deg(np.abs(np.diff(angle_rad)).sum())
@@ -100,6 +106,9 @@ def revolution(energy: Real, angle_rad: Real) -> Real:
 
 def harmonics(envelope: Real, count: int = HARMONICS) -> Real:
     """Compute the harmonics |P_m| / |P_0| of an envelope for m = 1..count, (count,).
+
+    Raises:
+        InputError: the envelope is too short for `count` cycles, or its mean is not above zero.
 
     >>> np.round(harmonics(1 + np.cos(2 * np.pi * 3 * np.arange(64) / 64)), 6).tolist()
     [0.0, 0.0, 0.5, 0.0, 0.0, 0.0]

@@ -34,7 +34,11 @@ class Nominal:
 
 
 def distances(log: Log, frames: int) -> NDArray[np.float64]:
-    """Return the nominal distance of each frame in metres, (F,)."""
+    """Return the nominal distance of each frame in metres, (F,).
+
+    Raises:
+        InputError: the number of frames in the motion log is not `frames`, or a distance is not above zero.
+    """
     distance_m = np.asarray(log.distance_m, dtype=np.float64)
     if distance_m.shape != (frames,):
         raise InputError(f"the log has distances {distance_m.shape} and the recording has {frames} frames; give one distance per frame")
@@ -44,7 +48,11 @@ def distances(log: Log, frames: int) -> NDArray[np.float64]:
 
 
 def angles(log: Log, frames: int) -> NDArray[np.float64]:
-    """Return the nominal turntable angle of each frame in radians, (F,)."""
+    """Return the nominal turntable angle of each frame in radians, (F,).
+
+    Raises:
+        InputError: the motion log has no angles, its number of frames is not `frames`, or an angle is not finite.
+    """
     if log.angle_rad is None:
         raise InputError("the log has no turntable angle; use turntable recordings for rotation features")
     angle_rad = np.asarray(log.angle_rad, dtype=np.float64)

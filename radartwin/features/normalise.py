@@ -29,6 +29,8 @@ def rank_normalise(matrix: NDArray, groups: NDArray) -> NDArray[np.float64]:
     Args:
         matrix: (n, features) feature values of n recordings of one domain (simulation or measurement).
         groups: (n,) group of each recording, for example its distance; the function ranks each group separately.
+    Raises:
+        InputError: values are not finite, or the length of `groups` is not n.
 
     >>> rank_normalise(np.array([[3.0], [10.0], [10.0], [1.0]]), np.zeros(4))[:, 0].tolist()
     [0.375, 0.75, 0.75, 0.125]
@@ -65,6 +67,8 @@ def fit_map(simulated: NDArray, measured: NDArray) -> AffineMap:
     Args:
         simulated: (F, features) features of F simulated frames.
         measured: (G, features) features of G measured frames. If a matrix has a single row, the slope of the map is 1.
+    Raises:
+        InputError: the matrices have different numbers of features, no rows, or values that are not finite.
 
     >>> frames = np.array([[0.0], [2.0]])
     >>> fit_map(frames, 3 * frames + 1).apply(np.array([[5.0]])).tolist()

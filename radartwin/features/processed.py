@@ -102,7 +102,12 @@ class Processed:
 
     @classmethod
     def load(cls, folder: str | Path) -> Processed:
-        """Read a processed recording from a folder that `save` wrote."""
+        """Read a processed recording from a folder that `save` wrote.
+
+        Raises:
+            MissingError: processed.npz or processed.json is missing.
+            RecordingError: a file is damaged or belongs to a recording of another radar.
+        """
         folder = Path(folder)
         for name in (_RADAR, _ARRAYS):
             if not (folder / name).is_file():
@@ -120,7 +125,10 @@ def process(recording: Recording, doppler: bool = True) -> Processed:
     """Compute power, azimuth channels, noise and Doppler spectra of a recording, in blocks of frames to limit the memory.
 
     Args:
+        recording: IQ samples with their radar.
         doppler: whether to compute the Doppler spectra, which need C times the memory of `power` for C chirps per frame.
+    Raises:
+        RecordingError: samples are NaN or infinite.
     """
     radar, row, blocks = recording.radar, azimuth_row(recording.radar), _blocks(recording.radar)
     weights = np.array([block.stop - block.start for block in blocks]) / radar.num_chirps

@@ -45,6 +45,8 @@ def gate_energies(power: np.ndarray, range_m: np.ndarray, target_m: ArrayLike) -
     Returns:
         inside: energy inside the target gate, (F,), or a scalar for a single range profile.
         all: energy at all ranges from NEAR_M to FAR_M, (F,), or a scalar for a single range profile.
+    Raises:
+        InputError: the shapes of the arguments do not fit together, or the target is not between NEAR_M and FAR_M.
     """
     power, target = np.asarray(power, dtype=np.float64), np.asarray(target_m, dtype=np.float64)
     if power.shape[-1:] != range_m.shape or target.shape not in ((), power.shape[:-1]):
@@ -61,6 +63,9 @@ def gate_energies(power: np.ndarray, range_m: np.ndarray, target_m: ArrayLike) -
 
 def multipath_share(power: np.ndarray, range_m: np.ndarray, target_m: ArrayLike) -> float:
     """Compute the multipath share of a recording, 0 to 1. The arguments are those of `gate_energies`.
+
+    Raises:
+        InputError: as `gate_energies`, or the recording has no energy.
 
     >>> echoes = np.where(np.isin(np.arange(100), (20, 60)), 1.0, 0.0)
     >>> multipath_share(echoes, np.arange(100) * 0.05, 1.0)

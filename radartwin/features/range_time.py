@@ -41,6 +41,8 @@ def picture(processed: Processed, angle_rad: NDArray, target_m: float, rows: int
         target_m: range of the target in metres.
         rows: number H of rows, at least 2.
         columns: number W of range bins, at least 1.
+    Raises:
+        InputError: the recording is shorter than one revolution, or it has no energy near the target.
     """
     if rows < 2 or columns < 1:
         raise InputError(f"picture: {rows} rows and {columns} columns are too few; give at least 2 rows and 1 column")

@@ -48,7 +48,11 @@ class FeatureSet:
 
 
 def feature_set(name: str) -> tuple[str, ...]:
-    """Return the names of all families of a feature set."""
+    """Return the names of all families of a feature set.
+
+    Raises:
+        ConfigError: the feature set is unknown. PluginError: a plug-in of this name cannot be used.
+    """
     plugin = plugins.find(plugins.FEATURES, name, SETS)
     if plugin is not None:
         provided = plugged_in(plugin)
@@ -73,6 +77,12 @@ def plugged_in(plugin: plugins.Plugin) -> FeatureSet:
 
 def families(name: str, without: Sequence[str] = ()) -> tuple[str, ...]:
     """Return the names of the feature families of a feature set, without the excluded families.
+
+    Args:
+        name: name of the feature set.
+        without: names of the families to exclude.
+    Raises:
+        ConfigError: the feature set or a family is unknown, or no family remains.
 
     >>> families("depth", ["window", "brightness"])
     ('track', 'multipath', 'extent')

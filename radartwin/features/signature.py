@@ -30,6 +30,8 @@ def signature(processed: Processed, angle_rad: NDArray, target_m: float) -> NDAr
     Returns:
         Levels (N, R) at N Doppler frequencies and R ranges, from 0 (FLOOR_DB below the strongest cell) to 1 (strongest cell). The Doppler
         frequency ascends over the N rows, with 0 Hz in row N // 2. Receding echoes have positive Doppler frequencies.
+    Raises:
+        InputError: the recording is shorter than one revolution, or it has no energy near the target.
     """
     near = np.abs(processed.range_m - target_m) <= SPAN_M / 2
     power = doppler_power(processed, angle_rad, near)

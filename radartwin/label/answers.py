@@ -108,6 +108,8 @@ def read_answer(text: str | Mapping[str, Any], kind: Kind, names: bool = False) 
     Args:
         names: True to replace a material outside the MINC categories by its closest MINC category, if `radartwin.materials.names` knows
             the material.
+    Raises:
+        LabelError: the answer violates the schema; the error message can be sent to the model so that it answers again.
 
     >>> read_answer('Sure: {"material": "wood", "finish": "smooth", "confidence": 0.9, "reason": "grain"}', "surface").material
     'wood'

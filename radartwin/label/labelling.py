@@ -102,8 +102,11 @@ def label_folder(folder: Path, options: LabelOptions, progress: Progress | None 
     Args:
         folder: a scene folder, such as one that `radartwin reconstruct` wrote.
         options: who answers the questions, or where the questions or answers are; see `LabelOptions`.
+        progress: display that shows the steps; None shows nothing.
     Returns:
         The lines that the command `radartwin label` prints.
+    Raises:
+        ConfigError, MissingError, SceneError: an option is wrong, a file is missing, or the folder holds no scene.
     """
     missing = _missing_label(options.missing)
     if options.answers is not None and not options.model:

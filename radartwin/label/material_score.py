@@ -59,6 +59,9 @@ def judge(labelled: Scene, truth: Scene) -> list[Judged]:
     """Compare each surface of a labelled scene with the surface of the true scene that most of its area lies on.
 
     Both scenes must have the same coordinate frame. Surfaces that lie on no true surface are left out.
+
+    Raises:
+        SceneError: a true surface has no MINC category.
     """
     distance = functools.cache(distance_db)
     out = []

@@ -209,7 +209,11 @@ SOURCES: dict[str, Callable[..., MaterialSource]] = {cls.name: cls for cls in (U
 
 
 def material_source(name: str, **options: object) -> MaterialSource:
-    """Make a material source from its name in the configuration, e.g. `material_source("uniform", material="concrete")`."""
+    """Make a material source from its name in the configuration, e.g. `material_source("uniform", material="concrete")`.
+
+    Raises:
+        ConfigError: the name or an option is unknown. PluginError: a plug-in of this name cannot be used.
+    """
     plugin = plugins.find(plugins.MATERIALS, name, SOURCES)
     kind = SOURCES.get(name) if plugin is None else plugged_in(plugin)
     if kind is None:
@@ -241,7 +245,11 @@ class _PluggedIn:
 
 
 def plugged_in(plugin: plugins.Plugin) -> type:
-    """Return the class of a plug-in's material source."""
+    """Return the class of a plug-in's material source.
+
+    Raises:
+        PluginError: the plug-in cannot be imported, or its object is no dataclass of a material source.
+    """
     kind = plugins.load(plugin)
     if not (isinstance(kind, type) and is_dataclass(kind) and "__call__" in vars(kind)) or getattr(kind, "name", None) != plugin.name:
         raise plugins.refusal(plugin, f"{plugin.value} is no dataclass with name = '{plugin.name}' and a method __call__(scene)")

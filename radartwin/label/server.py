@@ -42,7 +42,12 @@ class Server(Endpoint):
     name = "server"
 
     def answers(self, questions: Sequence[Question]) -> Iterator[tuple[Question, Record]]:
-        """Yield each material question with the record of its answer as soon as the answer arrives, in any order."""
+        """Yield each material question with the record of its answer as soon as the answer arrives, in any order.
+
+        Raises:
+            BackendError: some questions have no answer. The error is raised after `answers` has yielded all answers that arrived. If the
+                server refuses a request or is unreachable, the other questions are not sent.
+        """
         self.down.clear()
         unanswered, error = len(questions), None
         with self.client() as client, ThreadPoolExecutor(self.concurrency) as pool:

@@ -49,6 +49,9 @@ def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
 
     Water is at 20 C, ethanol and oil at room temperature.
 
+    Raises:
+        MaterialError: a frequency is outside the range in which the model of the material is valid.
+
     >>> complex(np.round(permittivity("mustard", 77e9), 1))
     (8.1-12.4j)
     """

@@ -97,6 +97,8 @@ def permittivity(name: str, frequency_hz: np.ndarray | float) -> np.ndarray:
         frequency_hz: frequencies (...,) in Hz.
     Returns:
         Complex relative permittivity (...,).
+    Raises:
+        MaterialError: the name is unknown, or neither the material nor its substitute has a fit at a frequency.
     Warns:
         StandInWarning: a substitute replaces the material. The warning appears once per material and process, unless a warning filter
             requests every warning.

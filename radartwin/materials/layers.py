@@ -182,6 +182,8 @@ def stack_coefficients(
         frequency_hz: frequencies in Hz, broadcastable with `cos_incidence`.
     Returns:
         Coefficients of the broadcast shape. A transmission coefficient is the field just behind the stack over the field just in front.
+    Raises:
+        MaterialError: a permittivity has gain, that is, a positive imaginary part.
 
     >>> half_space = stack_coefficients([], [], np.array(4.0 + 0j), np.array(1.0), np.array(77e9))
     >>> complex(np.round(half_space.reflected_te, 6)), complex(np.round(half_space.reflected_tm, 6))

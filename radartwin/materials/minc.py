@@ -120,7 +120,11 @@ CATEGORIES = tuple(MINC)
 
 
 def row(category: str) -> Row:
-    """Return the row of the table `MINC` for a category."""
+    """Return the row of the table `MINC` for a category.
+
+    Raises:
+        MaterialError: the name is not one of the 23 categories; `radartwin.materials.names.resolve` accepts other names.
+    """
     if category not in MINC:
         raise MaterialError(f"{category!r} is not a MINC category; choose from {', '.join(CATEGORIES)}")
     return MINC[category]

@@ -90,6 +90,9 @@ class Resolved:
 def resolve(name: str) -> Resolved:
     """Find the known material for a material name. Capitals are ignored; spaces and hyphens count as underscores.
 
+    Raises:
+        MaterialError: the name is unknown. The message lists the known names.
+
     >>> resolve("Porcelain").material, resolve("drywall").category
     ('glass', 'painted')
     """

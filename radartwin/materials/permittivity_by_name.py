@@ -56,6 +56,9 @@ def split(name: str) -> tuple[str, float, float]:
     """Split a material name into the plain name and the factors on the real and the imaginary part of the permittivity.
 
     Both factors are 1 if the name has no factors.
+
+    Raises:
+        MaterialError: the name does not end with two numbers, the first factor is not positive, or the second factor is negative.
     """
     base, *factors = str(name).split(_MARK)
     if not factors:

@@ -103,6 +103,9 @@ def spectrum(signals: Covariance, positions_m: Positions, frequency_hz: float, m
         signals: covariance matrices (..., M, M) of the antenna signals.
         positions_m: positions (M, 3) of the virtual antennas in metres.
         frequency_hz: frequency that sets the phase, for a range bin Radar.center_frequency_hz.
+        method: method and its settings.
+    Raises:
+        InputError: the array does not fit the matrices or the smoothing, there are too few snapshots, or there are too many sources.
     """
     antennas = signals.matrix.shape[-1]
     if positions_m.shape != (antennas, 3):
@@ -132,9 +135,13 @@ def azimuth_spectrum(snapshots: Complex, radar: Radar, azimuth_rad: ArrayLike, m
     Args:
         snapshots: channel signals (..., K, tx, rx) of K snapshots of a Doppler bin from `doppler_fft`, or of a range bin if the scene is
             at rest.
+        radar: radar that recorded the samples.
         azimuth_rad: A azimuth angles atan2(y, x) in radians, positive to the left, shape (A,).
+        method: method and its settings.
     Returns:
         Spectra (..., A).
+    Raises:
+        InputError: the shape does not fit the radar, or the errors of `spectrum`.
     """
     if snapshots.ndim < 3 or snapshots.shape[-2:] != (radar.num_tx, radar.num_rx):
         raise InputError(f"the last axes must be (snapshot, {radar.num_tx} tx, {radar.num_rx} rx); the shape is {snapshots.shape}")

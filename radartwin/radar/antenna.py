@@ -54,6 +54,8 @@ def element_gain(element: str, directions: ArrayLike) -> NDArray[np.float64]:
         directions: vectors (..., 3) in the sensor frame that point away from the radar, of any length above zero.
     Returns:
         Amplitude gain (...,). "isotropic" gives 1 in all directions; "iwr1843" gives 0 in the plane of the board and behind it.
+    Raises:
+        InputError: the element is unknown, or the shape of `directions` is not (..., 3).
 
     >>> float(np.round(20 * np.log10(element_gain("iwr1843", [1.0, 0.0, 0.0])), 2))
     10.5

@@ -40,6 +40,9 @@ def read_array(path: str | Path) -> dict[str, Any]:
     Returns:
         tx_positions_m and rx_positions_m, each a tuple of (x, y, z) in metres; tx_gains_db and rx_gains_db, if an antenna has a gain;
         element, if the table names a pattern.
+    Raises:
+        MissingError: the file does not exist.
+        RecordingError: the table is malformed, or its antennas form no array. The message names the file and the row.
     """
     path = Path(path)
     rows = _rows(path)

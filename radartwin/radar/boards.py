@@ -66,8 +66,13 @@ def board_of_channels(
     """Build a board from the places of its virtual channels, ordered by transmitter first.
 
     Args:
+        name: name of the board.
+        half_wavelength_m: half of the wavelength in metres.
         azimuth, elevation: place of each channel to the left (+y) and upwards (+z), in half wavelengths.
         signs: 1 or -1 for each channel; an empty list stands for 1.
+        receivers: number of receivers.
+    Raises:
+        RecordingError: the lists differ in length, or no positions of transmitters and receivers have these channels as their sums.
     """
     try:
         channels = np.stack([np.array(azimuth, float), np.array(elevation, float)], axis=-1).reshape(-1, receivers, 2)

@@ -87,9 +87,9 @@ def load_capture(
 
     Args:
         path: path of a recording of this package (without suffix, or with .bin or .json), of a .bin file of the DCA1000, of a folder of the
-            cascade's capture board, of the channel iq of a trace, or of a .npy or .npz file. For a capture in several .bin files, the path
-            of any of these files selects the whole capture. A cube has the shape [chirp, sample], [chirp, channel, sample],
-            [frame, chirp, channel, sample] or [frame, chirp, tx, rx, sample], with channels ordered by transmitter first.
+            cascade's capture board, or of a .npy or .npz file. For a capture in several .bin files, the path of any of these files selects
+            the whole capture. A cube has the shape [chirp, sample], [chirp, channel, sample], [frame, chirp, channel, sample] or
+            [frame, chirp, tx, rx, sample], with channels ordered by transmitter first.
         radar: a Radar or the path of a radar file. A cube and a capture of the cascade require `radar`; for a .bin file, `radar` replaces
             the .mmwave.json beside it.
         board: name of the board, in place of the board in the radar file (radartwin.radar.boards).
@@ -98,6 +98,9 @@ def load_capture(
         cut: whether to leave out an incomplete frame at the end; False makes it an error.
         frames: the frames to read, as a slice without a step.
         say: function that receives the board and notes on the capture, such as lost packets, as lines of text.
+    Raises:
+        MissingError: the capture or its radar description is missing.
+        RecordingError: the size of the capture does not fit the radar, or samples are NaN or infinite.
     """
     path = Path(path)
     bin_path, json_path = recording_files(path)
@@ -169,6 +172,9 @@ def band_edge_db(iq: NDArray[np.complexfloating]) -> float:
 def description_beside(path: Path) -> Path:
     """Find the description of a .bin file by mmWave Studio: the .json or .mmwave.json of the same name, or the only .mmwave.json in its
     folder.
+
+    Raises:
+        MissingError: the folder has no such file, or several .mmwave.json files with different names.
     """
     if (plain := path.with_suffix(".json")).is_file() and "mmWaveDevices" in read_json(plain):
         return plain

@@ -40,6 +40,10 @@ def is_cascade_capture(path: Path) -> bool:
 def frame_reader(folder: Path, radar: Radar) -> tuple[int, Callable[[int, int], NDArray[np.complex64]]]:
     """Return the number of frames of a capture, and a function that reads frames as complex counts (count, chirp, tx, rx, sample) from the
     number of the first frame and the number of frames.
+
+    Raises:
+        MissingError: a chip lacks a part. Each of the four chips needs all parts from 0000 to the last part in the folder.
+        RecordingError: the files do not fit the radar, or hold different numbers of frames.
     """
     if radar.num_rx != _RECEIVERS * len(CHIPS) or radar.real_sampling:
         given = f"{radar.num_rx} receivers and {'real' if radar.real_sampling else 'complex'} samples"

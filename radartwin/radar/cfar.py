@@ -75,6 +75,9 @@ def training_mean(power: Real, *, guard: tuple[int, ...], training: tuple[int, .
 
     The arguments are those of `ca_cfar`. The function returns the noise power of each cell, of the shape of `power`, and the number of
     training cells of a cell.
+
+    Raises:
+        InputError: guard cells and training cells do not fit into the array, or there are no training cells.
     """
     from scipy.ndimage import uniform_filter1d
 

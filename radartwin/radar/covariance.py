@@ -45,6 +45,8 @@ class Covariance:
         Args:
             subarray: number of antennas of a sub-array; if `subarray` is M, the only sub-array is the whole array.
             forward_backward: whether to add the matrices of the reversed, conjugated signals.
+        Raises:
+            InputError: the sub-array is larger than the array or has fewer than two antennas.
         """
         antennas = self.matrix.shape[-1]
         if not 2 <= subarray <= antennas:
@@ -64,7 +66,11 @@ class Covariance:
 
 
 def covariance(snapshots: Complex) -> Covariance:
-    """Estimate covariance matrices from snapshots (..., K, M) of K times and M antennas."""
+    """Estimate covariance matrices from snapshots (..., K, M) of K times and M antennas.
+
+    Raises:
+        InputError: the snapshots are not finite or do not have two axes.
+    """
     if snapshots.ndim < 2 or 0 in snapshots.shape[-2:]:
         raise InputError(f"snapshots must have the shape (..., snapshot, antenna), not {snapshots.shape}")
     if not np.isfinite(snapshots).all():
@@ -75,6 +81,9 @@ def covariance(snapshots: Complex) -> Covariance:
 
 def uniform_step(positions_m: Real) -> Real:
     """Return the step vector (3,) in metres from each antenna (M, 3) of a uniform line to the next.
+
+    Raises:
+        InputError: the antennas are not equally spaced along a line, in the order of the array.
 
     >>> uniform_step(np.array([[0.0, 0.0, 0.0], [0.0, 0.002, 0.0], [0.0, 0.004, 0.0]])).tolist()
     [0.0, 0.002, 0.0]

@@ -55,7 +55,11 @@ def capture_prefix(capture: Path) -> str:
 
 
 def parts(capture: Path) -> list[Path]:
-    """Return the files of one capture in order: PREFIX_Raw_0.bin, PREFIX_Raw_1.bin, ... A capture without part number is one file."""
+    """Return the files of one capture in order: PREFIX_Raw_0.bin, PREFIX_Raw_1.bin, ... A capture without part number is one file.
+
+    Raises:
+        MissingError: a file of the capture is missing.
+    """
     if capture.suffix != ".bin" or not (part := _PART.fullmatch(capture.stem)):
         return [capture]
     prefix, paths = part[1], capture.parent.glob("*.bin")
@@ -97,7 +101,11 @@ class SampleFile:
     """
 
     def __init__(self, paths: Sequence[Path], radar: Radar, layout: Layout) -> None:
-        """Find the chirps in the files."""
+        """Find the chirps in the files.
+
+        Raises:
+            RecordingError: the files are empty, are Git LFS pointers, hold packet headers, or have headers that do not fit the radar.
+        """
         self._paths, self.path, self.layout, self.shape = paths, paths[0], layout, frame_shape(radar)
         for path in paths:
             refuse_pointer(path)

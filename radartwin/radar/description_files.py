@@ -23,7 +23,11 @@ def read_description(path: Path, board: str | None = None) -> Description:
     """Read a radar file. The suffix of the file name determines the format.
 
     Args:
+        path: path of the radar file.
         board: name of the board, for a .cfg or a .mmwave.json; None takes the board from the file (radartwin.radar.ti_files).
+    Raises:
+        RecordingError: the file is malformed or unsupported, or its radar does not send equal chirps with one transmitter at a time (time
+            division).
     """
     match path.suffix.lower():
         case ".cfg":
@@ -94,7 +98,11 @@ def read_yaml(path: Path, content: str) -> dict[str, Any]:
 
 
 def read_csv(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """Read a CSV file whose first line names the columns. Return these names, and number and cells of each other line."""
+    """Read a CSV file whose first line names the columns. Return these names, and number and cells of each further line that is not blank.
+
+    Raises:
+        RecordingError: the file is not CSV in UTF-8, or a column occurs twice.
+    """
     reader = csv.reader(io.StringIO(read_text(path), newline=""), strict=True)
     try:
         lines = [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader if any(cell.strip() for cell in cells)]

@@ -36,7 +36,15 @@ def require(described: Any, what: str, name: str, accepts: Callable[[Any], bool]
 
 
 def from_mapping(kind: Any, name: str, values: Any) -> Any:
-    """Build an instance of a dataclass from a mapping of its fields."""
+    """Build an instance of a dataclass from a mapping of its fields.
+
+    Args:
+        kind: the dataclass to instantiate.
+        name: name of the mapping in error messages.
+        values: mapping from field names to field values.
+    Raises:
+        InputError: `values` is not a mapping, or it has an unknown, missing or invalid field.
+    """
     if not isinstance(values, Mapping):
         raise InputError(f"{name}: expected a mapping of fields, not {reprlib.repr(values)}")
     known = {field.name for field in fields(kind)}

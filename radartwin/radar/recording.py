@@ -186,7 +186,12 @@ class Recording:
 
 
 def read_described(path: str | Path) -> tuple[Radar, dict[str, Any]]:
-    """Read the radar of a recording and the content of its .json file, without reading the samples."""
+    """Read the radar of a recording and the content of its .json file, without reading the samples.
+
+    Raises:
+        MissingError: the .json file is missing.
+        RecordingError: the .json file is malformed.
+    """
     json_path = present(recording_files(path)[1], _PAIR)
     content = read_json(json_path)
     for key in ("radar", "scale"):
@@ -213,7 +218,11 @@ def refuse_foreign(path: str | Path) -> None:
 
 
 def recording_files(path: str | Path) -> tuple[Path, Path]:
-    """Return the paths of a recording's .bin file and .json file. The argument `path` may end with .bin, with .json or without suffix."""
+    """Return the paths of a recording's .bin file and .json file. The argument `path` may end with .bin, with .json or without suffix.
+
+    Raises:
+        RecordingError: `path` has no file name.
+    """
     path = Path(path)
     given = {path.suffix.lower(): path} if path.suffix.lower() in (".bin", ".json") else {}
     name = path.name[: -len(path.suffix)] if given else path.name

@@ -49,7 +49,12 @@ class StudioLog:
 
 
 def read_log(path: str | Path, lanes: int = 2) -> StudioLog:
-    """Read a LogFile.csv of the DCA1000 capture card. The argument `lanes` is the number of LVDS lanes in the description."""
+    """Read a LogFile.csv of the DCA1000 capture card. The argument `lanes` is the number of LVDS lanes in the description of the capture.
+
+    Raises:
+        MissingError: the log file does not exist.
+        RecordingError: the file is not a log of the DCA1000, or its capture mode has another sample layout.
+    """
     path = Path(path)
     values: dict[str, str] = {}
     for line in present(path).read_text(encoding="utf-8", errors="replace").splitlines():

@@ -229,10 +229,14 @@ def describe(name: str, setup: Setup, board: str | None = None) -> Description:
     """Convert a parsed TI radar description to the fields of `Radar`, the layout of the samples, and the board.
 
     Args:
+        name: name of the radar.
         setup: result of `parse_cfg` or `parse_studio`.
         board: name of the board; None takes the board from the antenna geometry or the platform in the file. If the file has neither, the
             function assumes the IWR6843ISK below 70 GHz, the AWR2944EVM if TX4 is enabled, the IWR1642BOOST if only TX1 and TX2 are
             enabled, and otherwise the IWR1843BOOST.
+    Raises:
+        RecordingError: the frame does not consist of equal chirps with one transmitter at a time (time division), or the board is unknown
+            or lacks antennas.
     """
     (transmitters, profile), numbers = _fired(setup), setup.numbers
     if min(numbers["period_ms"], profile["rate_ksps"], profile["start_ghz"]) <= 0:

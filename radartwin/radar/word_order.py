@@ -71,6 +71,8 @@ class Layout:
         Args:
             iq: samples in amplitude units.
             scale: amplitude per ADC count, above zero.
+        Raises:
+            RecordingError: samples are NaN or infinite, or a chirp has an odd number of samples over all receivers, which form no pairs.
 
         >>> Layout().words(np.array([[1 + 2j, 3 + 4j]]), 1.0)[0].reshape(-1).tolist()
         [1, 3, 2, 4]

@@ -53,6 +53,8 @@ def weighted_statistics(
         probabilities: function that maps adapted rows to class probabilities (N, K) in the order of `simulated.classes`, for equally
             frequent classes, as `learners.Fitted.probabilities` does.
         shrinkage: weight of equal shares in the estimated shares, 0 to 1.
+    Raises:
+        InputError: a domain has no rows, the features differ, or the shrinkage is not between 0 and 1.
     """
     if not 0 <= shrinkage <= 1:
         raise InputError(f"adaptation: a shrinkage of {shrinkage:g} is not between 0 and 1")
@@ -98,6 +100,8 @@ def skewed(samples: Samples, seed: int, share: float = 1 / 3, kept: int = 1) -> 
         seed: seed of the random draw; the same seed and rows give the same batch.
         share: share of the classes with few recordings, rounded to at least one class.
         kept: number of stored recordings that such a class keeps.
+    Raises:
+        InputError: `share` is not above 0 and below 1, or `kept` is below 1.
     """
     if not (0 < share < 1 and kept >= 1):
         raise InputError(f"skewed batch: a share of {share:g} and {kept} recordings are impossible; give 0 < share < 1 and kept >= 1")

@@ -27,6 +27,8 @@ def added_noise(simulated: NDArray, measured: NDArray, measured_noise: float) ->
         measured_noise: noise power per range bin of the measured recordings.
     Returns:
         The noise power per range bin, median(simulated) / median(measured) * measured_noise.
+    Raises:
+        InputError: the median target energy of the simulated or of the measured recordings is not above zero.
     """
     simulated_energy, measured_energy = float(np.median(simulated)), float(np.median(measured))
     if not (simulated_energy > 0 and measured_energy > 0 and measured_noise >= 0):

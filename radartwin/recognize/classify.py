@@ -50,11 +50,15 @@ def classify(
     """Classify a recording, which may be a recording of this package, a mmWave Studio capture or a .npy cube.
 
     Args:
+        recording: path of the recording.
         model: the recogniser, or the folder of a saved recogniser.
         radar: radar of the recording, or its file.
         distance_m: distance from the radar to the target at the start; None estimates it.
         period_s: duration of one turntable revolution, for a model of turntable recordings; None takes the period stored with the model.
         options: board, iq_swapped, cut, frames and say, as for `load_capture`.
+    Raises:
+        UserError: the recording or the model cannot be read (see `load_capture` and `Recogniser.load`), this version does not know the
+            model's features, or the recording is too short or shows no target.
     """
     recogniser = model if isinstance(model, Recogniser) else Recogniser.load(model)
     processed = process(load_capture(recording, radar, **options), doppler=False)
@@ -99,6 +103,9 @@ def thinned(processed: Processed, log: Nominal, recogniser: Recogniser) -> tuple
 
     Crest factor and entropy of a revolution depend on its number of frames. The function keeps the frames nearest to equal angles. A
     recording with at most as many frames per revolution as the training is not changed.
+
+    Raises:
+        InputError: the recording has fewer frames per revolution than FEWEST_SHARE of the training.
     """
     frames = recogniser.features.get("frames_per_turn")
     if frames is None or log.angle_rad is None:
@@ -123,6 +130,9 @@ def changing_range(processed: Processed) -> float:
     """Return the range in metres at which the echo changes most over the frames.
 
     A target on a turntable is at this range, a wall is not.
+
+    Raises:
+        InputError: the echo does not change over the frames at any range.
     """
     moving = np.mean(np.abs(processed.channels - processed.channels.mean(axis=0)) ** 2, axis=(0, 1))
     inside = (processed.range_m >= NEAR_M) & (processed.range_m <= FAR_M)

@@ -75,7 +75,11 @@ def align(
 
 
 def copy_noise(simulated: Samples) -> NDArray[np.float64]:
-    """Return the difference of each noisy copy (N, D) from the mean of its recording, scaled to the variance of a single copy."""
+    """Return the difference of each noisy copy (N, D) from the mean of its recording, scaled to the variance of a single copy.
+
+    Raises:
+        InputError: no recording has several rows.
+    """
     _, inverse, counts = np.unique(simulated.recording, return_inverse=True, return_counts=True)
     if not (counts > 1).any():
         raise InputError("alignment: no simulated recording has several noisy copies; raise supervision.copies to at least 2")

@@ -88,7 +88,12 @@ class Recogniser:
 
     @classmethod
     def load(cls, folder: str | Path) -> Recogniser:
-        """Read the model that `save` wrote to a folder."""
+        """Read the model that `save` wrote to a folder.
+
+        Raises:
+            MissingError: a file of the model is missing.
+            InputError: a file is damaged, has another format, or belongs to another model.
+        """
         from safetensors import SafetensorError
         from safetensors.numpy import load
 

@@ -33,6 +33,8 @@ def leave_one_out_centroid(rows: Samples, groups: NDArray | None = None, stratif
         rows: feature rows with class labels; the features have comparable scales.
         groups: (N,) names of groups; a row is classified with training rows of all groups but its own. None makes one group per recording.
         stratified: True computes the centroids only from rows of the same stratum (recording condition, such as the distance).
+    Raises:
+        InputError: fewer than two classes remain when one group is left out.
     """
     groups = rows.recording if groups is None else groups
     classes, kind = np.unique(rows.label, return_inverse=True)

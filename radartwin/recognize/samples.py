@@ -128,7 +128,11 @@ class Part:
 
 
 def gather(names: Sequence[str], parts: Sequence[Part]) -> Samples:
-    """Join the feature rows of several recordings into one table, in the order of the recordings' names."""
+    """Join the feature rows of several recordings into one table, in the order of the recordings' names.
+
+    Raises:
+        InputError: no recording is given, two recordings have the same name, or the rows do not match the feature names.
+    """
     if not parts:
         raise InputError("samples: there are no recordings; give at least one")
     ordered = sorted(parts, key=lambda part: part.recording)

@@ -110,6 +110,8 @@ def draw_shots(measured: Samples, shots: int, seed: int) -> tuple[Samples, Sampl
     A source is a stored recording, from which several recordings may be cut. The test rows depend on `seed` but not on `shots`.
 
     Returns: the training rows and the test rows.
+    Raises:
+        InputError: half of a class's sources hold fewer recordings than `shots`.
     """
     rng = np.random.default_rng([seed, 0x5B])
     drawn: list[str] = []

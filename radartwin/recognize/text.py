@@ -29,6 +29,10 @@ SHIPPED = Path(__file__).with_name("anchors.json")
 def embed(texts: Sequence[str]) -> NDArray[np.float32]:
     """Return the embeddings of texts as unit vectors (n, 384). Shipped embeddings are read from a file; the model computes all others.
 
+    Raises:
+        InputError: a text is empty.
+        MissingError: the embedding of a text does not ship with the package, and the pip extra `text` is not installed.
+
     >>> embed(["a tall slim metal food can, a round cylinder of tinplate with a paper label, 124 mm tall"]).shape
     (1, 384)
     """

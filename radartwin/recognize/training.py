@@ -47,8 +47,13 @@ def fit_network(network: Network[E], split: Split, anchors: Mapping[str, NDArray
     epochs. Without simulated rows, the network is trained once, for `settings.epochs` epochs.
 
     Args:
+        network: architecture of the encoder.
         split: training and test rows; `fit_network` uses only the training rows.
         anchors: text embedding of every class in the training rows, a unit vector (T,) by class name.
+        settings: settings of the training.
+        seed: seed of all random numbers in the training.
+    Raises:
+        InputError: a class has no text embedding, or `settings.paired` is above 0 without labelled measured recordings.
     """
     rows = split.train
     if missing := [label for label in rows.classes if label not in anchors]:

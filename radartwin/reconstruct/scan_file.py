@@ -100,6 +100,9 @@ def load_scan(
         unit: length unit of the file's coordinates; "auto" means metres, and an implausible size is then an error.
         is_object: whether the mesh is a single object, whose faces must look outwards, or a room, whose faces must look inwards. Faces with
             the wrong orientation are inverted. With None, a mesh smaller than 1 m counts as a single object.
+    Raises:
+        MissingError, MeshError: the file does not exist, or is not a readable mesh.
+        ScanError: the mesh is empty, contains NaN, has an implausible size, or has no clear up axis.
     """
     path = Path(path)
     if unit not in ("auto", *METRES) or up not in ("auto", *TO_Z_UP):

@@ -38,7 +38,12 @@ class Picture:
 
 
 def read_pictures(folder: Path) -> list[Picture]:
-    """Find the pictures of a folder and return them in ascending order of time."""
+    """Find the pictures of a folder and return them in ascending order of time.
+
+    Raises:
+        MissingError: the folder does not exist or has no picture.
+        InputError: the name of a picture is not a time.
+    """
     if not folder.is_dir():
         raise MissingError(f"{folder}: no such folder of pictures; give a folder with files such as 0.100.jpg")
     pictures = [

@@ -61,7 +61,12 @@ class Card:
 
     @classmethod
     def load(cls, folder: Path) -> Card:
-        """Read FOLDER/card.yaml without checking its values; the method `problems` checks them."""
+        """Read FOLDER/card.yaml without checking its values; the method `problems` checks them.
+
+        Raises:
+            MissingError: the folder has no card.yaml, so it is not a recording set.
+            RecordingError: card.yaml is not a YAML mapping.
+        """
         path = folder / CARD
         if not path.is_file():
             raise MissingError(f"{folder}: not a recording set, because it has no {CARD}; make one with radartwin import")

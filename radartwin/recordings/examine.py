@@ -49,7 +49,11 @@ class Report:
 
 
 def examine(folder: str | Path, progress: Progress | None = None) -> Report:
-    """Find all problems of the recording set in a folder. Every recording is read once, one after the other."""
+    """Find all problems of the recording set in a folder. Every recording is read once, one after the other.
+
+    Raises:
+        MissingError: the folder of the recording set does not exist.
+    """
     folder, report = Path(folder), Report()
     if not folder.is_dir():
         raise MissingError(f"{folder}: no such folder; give a recording set")
@@ -151,6 +155,11 @@ def frame_poses(path: Path, start_s: float, frames: int, rate_hz: float) -> np.n
     Args:
         path: a trajectory file that `read_track` accepts.
         start_s: time of the first frame in seconds, on the clock of the trajectory file.
+        frames: number of frames of the recording.
+        rate_hz: frame rate of the recording.
+    Raises:
+        MissingError, PoseError: the trajectory file is missing or unreadable.
+        RecordingError: the trajectory file does not cover the time of all frames.
     """
     track = read_track(path)
     (begin, end), times, slack = track.times_s[[0, -1]], start_s + np.arange(frames) / rate_hz, 0.5 / rate_hz

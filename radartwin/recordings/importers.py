@@ -59,15 +59,25 @@ def import_captures(
     Index rows and data card are checked before the first capture is read. A new recording set is created after the first capture is read.
 
     Args:
+        source: a capture file, or a folder of captures.
+        out: folder of the recording set.
         values: values for the data card of a new set, and values of index columns that hold for all captures. Entries of the mapping
             file override these columns.
         mapping: content of the mapping file, see `radartwin.recordings.mapping`.
         radar: radar or radar file of all captures; None reads the radar description file beside each capture.
         frames: the frames of each capture to import, as a slice without a step.
+        progress: progress display.
         say: function that receives notes on a capture as text, such as the board, lost packets, missing frames or a missing log.
         options: board, iq_swapped and cut, as for `load_capture`.
     Returns:
         The recording set, and the rows that were added to its index.
+    Raises:
+        MissingError: a capture or a radar description is missing, or an entry of the mapping file matches no capture.
+        PoseError: a trajectory file is unreadable.
+        InputError: an index row is invalid, a trajectory of the mapping file is outside the source folder, the set holds a recording of the
+            same name with other conditions, or the data card is incomplete.
+        RecordingError: a capture cannot be read, or has another radar or other units than the recording set. The recording set then
+            contains all captures that were imported before the wrong capture.
     """
     source, out, mapping, values = Path(source), Path(out), mapping or CaptureMap(), dict(values or {})
     shared = {key: value for key, value in values.items() if key not in KEYS}

@@ -51,7 +51,12 @@ class CaptureMap:
 
 
 def read_mapping(path: str | Path) -> CaptureMap:
-    """Read a mapping file with the suffix .yaml or .yml."""
+    """Read a mapping file with the suffix .yaml, .yml or .csv.
+
+    Raises:
+        MissingError: the mapping file does not exist.
+        InputError: the mapping file is invalid; the message names the line or the entry.
+    """
     path = Path(path)
     if path.suffix not in (".yaml", ".yml"):
         raise InputError(f"{path}: unknown suffix; give a mapping file that ends in .yaml")
@@ -70,6 +75,10 @@ def columns_of(captures: Sequence[Path], root: Path, entries: Iterable[Entry]) -
 
     The result is None for a capture that no entry matches. If there are no entries at all, the result is an empty dictionary for every
     capture.
+
+    Raises:
+        MissingError: an entry of the mapping file matches no capture.
+        InputError: a pattern names the same column twice.
     """
     entries = list(entries)
     out: list[dict[str, str] | None] = [None if entries else {} for _ in captures]

@@ -57,7 +57,12 @@ class RecordingSet:
 
     @classmethod
     def create(cls, folder: str | Path, card: Card) -> RecordingSet:
-        """Create a recording set, or open an existing set with the same data card, so that an interrupted import can continue."""
+        """Create a recording set, or open an existing set with the same data card, so that an interrupted import can continue.
+
+        Raises:
+            OutputError: the folder cannot be written, or it contains files that belong to no recording set.
+            RecordingError: the data card has invalid values, or the existing set has another data card.
+        """
         folder, card = Path(folder), Card.of(card.values())  # convert the values to text, as `load` does
         if (folder / CARD).exists():
             existing = cls.load(folder)
@@ -75,7 +80,12 @@ class RecordingSet:
 
     @classmethod
     def load(cls, folder: str | Path) -> RecordingSet:
-        """Open a recording set: read its data card and its index. A recording is read only when it is used."""
+        """Open a recording set: read its data card and its index. A recording is read only when it is used.
+
+        Raises:
+            MissingError: the folder does not exist or is not a recording set.
+            RecordingError: the data card or the index is invalid; `radartwin doctor --data FOLDER` lists all problems.
+        """
         folder = Path(folder)
         if not folder.is_dir():
             raise MissingError(f"{folder}: no such folder; give a recording set")
@@ -120,6 +130,9 @@ class RecordingSet:
         """Return the index rows that have the given value in each given column; a list of values allows each of them.
 
         Example: select(object="mug", distance_m=[0.5, 1.0], split="test").
+
+        Raises:
+            InputError: the index does not have one of the columns.
         """
         for column in conditions:
             if column not in self.columns:
@@ -127,7 +140,11 @@ class RecordingSet:
         return [row for row in self.rows if all(_matches(row.value(column), value) for column, value in conditions.items())]
 
     def recordings(self, **conditions: Any) -> Iterator[tuple[Row, Recording]]:
-        """Yield each selected row with its recording, which is read only when the loop reaches it."""
+        """Yield each selected row with its recording, which is read only when the loop reaches it. Raise the errors of `select` and `read`.
+
+        Raises:
+            MissingError: no recording has the given values.
+        """
         rows = self.select(**conditions)
         if conditions and not rows:
             given = ", ".join(f"{column}={value}" for column, value in conditions.items())
@@ -179,9 +196,15 @@ class RecordingSet:
         Several processes may add to one recording set at the same time.
 
         Args:
+            recording: the recording to add.
+            row: conditions of the recording.
             trajectory: file with the poses of the radar, which is copied to trajectories/NAME.suffix; None for no file.
         Returns:
             The index row of the recording as index.csv stores it.
+        Raises:
+            InputError: the row is invalid, another recording of the set has the same name or conditions, or the radar differs.
+            MissingError, PoseError: the trajectory file is missing or unreadable.
+            OutputError: the recording set cannot be written.
         """
         if trajectory is not None:
             trajectory = Path(trajectory)

@@ -75,7 +75,12 @@ def write_timeline(
 
 
 def check_target(path: Path) -> None:
-    """Check that an MCAP file can be written, before the recording is read."""
+    """Check that an MCAP file can be written, before the recording is read.
+
+    Raises:
+        BackendError: the package mcap or foxglove-sdk is missing.
+        OutputError: the path is a folder or has another suffix than .mcap, or its folder cannot be written.
+    """
     if path.is_dir():
         raise OutputError(f"{path} is a folder; give the name of the MCAP file to write")
     if path.suffix != ".mcap":

@@ -83,6 +83,10 @@ def read_meshes(path: str | Path) -> dict[str, trimesh.Trimesh]:
     Node transforms are applied. The function returns every mesh and joins none of them. The triangles in a .stl share no vertices, so the
     function merges vertices at the same position. A vertex on a seam of a picture is doubled, and keeps its normal.
 
+    Raises:
+        MissingError: the file does not exist.
+        MeshError: the file has an unsupported format or extension, is damaged, is a Git LFS pointer, or exceeds the size limits of this
+            module.
     Warns:
         MeshWarning: a part is left out; without its picture, a mesh has the plain colour given in the file.
     """

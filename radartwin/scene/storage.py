@@ -121,7 +121,11 @@ def material_to_json(material: str | Layered) -> str | dict[str, Any]:
 
 
 def material_from_json(value: Any) -> str | Layered:
-    """Convert a JSON value from `material_to_json` back to a material."""
+    """Convert a JSON value from `material_to_json` back to a material.
+
+    Raises:
+        SceneError: the value is neither a material name nor a stack of layers.
+    """
     if isinstance(value, str):
         return value
     try:

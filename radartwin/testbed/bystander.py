@@ -56,6 +56,8 @@ def place(room: Scene, sensor_poses: np.ndarray, target: np.ndarray, rng: np.ran
         room: surfaces of the room, with a surface "floor".
         sensor_poses: (F, 4, 4) poses of the radar.
         target: (3,) position of the target.
+    Raises:
+        SceneError: no free place was found.
     """
     floor = next(s.mesh.bounds for s in room if s.name == "floor")
     others = [s for s in room if s.name not in ("floor", "ceiling")]

@@ -51,6 +51,8 @@ def rover(height_m: float = 0.4) -> Scene:
 
     Args:
         height_m: height of the radar above the floor.
+    Raises:
+        SceneError: the radar is lower than 0.3 m.
     """
     if height_m < 0.3:
         raise SceneError(f"rover: its radar is {height_m:g} m above the floor; give at least 0.3 m")

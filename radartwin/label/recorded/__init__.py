@@ -130,7 +130,12 @@ def save_records(path: Path, room: str, records: Sequence[Record], about: str = 
 
 
 def records_for(scene: Scene, folder: Path | None) -> list[Record]:
-    """Return all recorded answers that apply to a scene: first those in its folder, then those that ship for its room."""
+    """Return all recorded answers that apply to a scene: first those in its folder, then those that ship for its room.
+
+    Raises:
+        MissingError: there are no such answers.
+        LabelError: the answers that ship for the room belong to an earlier version of the questions.
+    """
     records = Journal(folder / JOURNAL).records if folder is not None else []
     room = room_of(scene)
     if room is not None:

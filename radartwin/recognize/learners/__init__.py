@@ -19,6 +19,9 @@ __all__ = ["LEARNERS", "Convolution", "Fitted", "Learner", "Network", "Trees", "
 def learner(name: str) -> Learner:
     """Return a learner before its training, by name. The object of a plug-in is a class that needs no arguments.
 
+    Raises:
+        ConfigError: the name is unknown. PluginError: a plug-in of this name cannot be used.
+
     >>> learner("trees").reads
     'features'
     """

@@ -105,6 +105,9 @@ def read_objects(path: str | Path, contents: str = "filled") -> tuple[OwnObject,
     Args:
         contents: "filled" simulates objects of the catalogue with their contents, and "unknown" simulates only their outermost material
             (see `radartwin.scene.objects.Entry.surfaces`).
+    Raises:
+        MissingError: the file or a mesh does not exist.
+        InputError: the file is not YAML or not such a list, or an object cannot be used. The message names the object.
     """
     path = Path(path)
     entries = _entries(path)
@@ -133,6 +136,10 @@ def anchors(objects: Sequence[OwnObject]) -> dict[str, NDArray[np.float32]]:
 
     With descriptions, the vectors are the text embeddings of the descriptions. Without descriptions, the K objects have K orthonormal
     vectors, for which no text model is needed.
+
+    Raises:
+        InputError: two objects have the same description.
+        MissingError: the embedding of a description does not ship with the package, and the pip extra `text` is not installed.
     """
     from radartwin.recognize.text import embed
 

@@ -90,6 +90,11 @@ def load_frames(
         poses: pose convention, one of `frames.POSE_CONVENTIONS`, only for pose.txt and TUM; "opencv" by default.
         colour_only: whether to ignore the depth pictures, because a monocular model estimates the depth; the depth pictures may then be
             missing.
+    Raises:
+        MissingError: the folder or one of its pictures does not exist.
+        ScanError: the folder layout is unknown, poses or intrinsics are missing, the numbers of files differ, a picture is damaged or has
+            no depth, the depth unit is implausible, or an option does not apply to this folder layout.
+        PoseError: a row of a pose file is damaged, or a pose is mirrored or not rigid.
     """
     folder = Path(folder)
     layout = layout_of(folder)

@@ -27,6 +27,8 @@ def extract(volume: Volume, min_weight: float) -> tuple[trimesh.Trimesh, np.ndar
         min_weight: smallest weight W(x) of observed voxels; a cube of eight voxels gives triangles only if all eight have this weight.
     Returns:
         The mesh with RGBA vertex colours, and a boolean mask (V,) of the vertices that a colour picture shows.
+    Raises:
+        ScanError: the volume contains no surface.
     """
     side = PIECE * SIDE + 1
     values, weights = np.empty((side, side, side), np.float32), np.empty((side, side, side), np.float32)

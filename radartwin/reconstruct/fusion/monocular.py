@@ -53,7 +53,13 @@ class DepthModel:
 
     @classmethod
     def load(cls, name: str | Path) -> DepthModel:
-        """Load a model from a folder with config.json and weights, or by a name on the Hugging Face hub."""
+        """Load a model from a folder with config.json and weights, or by a name on the Hugging Face hub.
+
+        Raises:
+            BackendError: the package transformers or torch is not installed.
+            MissingError: no folder or model with the given name exists.
+            ScanError: the model estimates relative depth, which has no unit of length.
+        """
         try:
             import torch  # noqa: F401 - a missing torch gives a shorter message here than in transformers
             from transformers import AutoConfig, AutoModelForDepthEstimation  # pyright: ignore[reportMissingImports]

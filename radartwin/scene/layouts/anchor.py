@@ -65,6 +65,9 @@ def find(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> list[Anchor
     or else the things of a scan (`radartwin.scene.thing_names`) with this name, such as "sofa".
 
     Parts of the same object (table_left_top, table_left_legs) form a single anchor.
+
+    Raises:
+        LayoutError: no surface name matches (the message lists all names), or `text` means the sensor and `sensor_pose` is None.
     """
     wanted = words(text)
     if len(wanted) == 1 and wanted[0] in SENSOR_NAMES:
@@ -88,7 +91,11 @@ def find(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> list[Anchor
 
 
 def supports(text: str, scene: Scene, sensor_pose: np.ndarray | None) -> list[Surface]:
-    """Return the surfaces named by `text` on which an object can stand: the part with the largest level area of each anchor."""
+    """Return the surfaces named by `text` on which an object can stand: the part with the largest horizontal area of each matching anchor.
+
+    Raises:
+        LayoutError: no surface name matches `text`, or no matching surface has a horizontal area on which an object can stand.
+    """
     parts = [max(anchor.surfaces, key=level_area) for anchor in find(text, scene, sensor_pose) if anchor.surfaces]
     level = [part for part in parts if level_area(part) > STANDS_ON_M2]
     if not level:
@@ -109,7 +116,11 @@ def level_area(surface: Surface) -> float:
 
 
 def floor(scene: Scene) -> Surface:
-    """Return the surface named "floor", or else the lowest large horizontal surface of the scene."""
+    """Return the surface named "floor", or else the lowest large horizontal surface of the scene.
+
+    Raises:
+        LayoutError: the scene has neither a surface named "floor" nor a large horizontal surface.
+    """
     named = [s for s in scene if "floor" in words(s.name)]
     level = named or [s for s in scene if s.kind == "room" and level_area(s) > 1.0]
     if not level:

@@ -42,7 +42,11 @@ _PRONOUNS = {"it", "that", "this"}
 
 
 def parse(sentence: str) -> Layout:
-    """Convert an English sentence to an object layout."""
+    """Convert an English sentence to an object layout.
+
+    Raises:
+        LayoutError: the grammar does not cover a part of the sentence; the message names this part and the supported phrases.
+    """
     sentence = " ".join(sentence.split())
     text = sentence.lower().replace("one and a half", "1.5").replace("a half metre", "0.5 m")
     items: list[Item] = []

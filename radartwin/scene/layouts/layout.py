@@ -142,7 +142,11 @@ class Layout:
 
     @classmethod
     def from_dict(cls, value: Any, source: str = "layout") -> Layout:
-        """Build an object layout from a parsed YAML file or from the JSON answer of a language model."""
+        """Build an object layout from a parsed YAML file or from the JSON answer of a language model.
+
+        Raises:
+            LayoutError: the document is not a layout; the message has a single line and names the wrong entry of the document.
+        """
         if problem := schema_problem(value, SCHEMA):
             raise LayoutError(f"{source}: {problem}")
         items = tuple(_item(entry, f"{source}: objects[{index}]") for index, entry in enumerate(value["objects"]))
@@ -151,7 +155,12 @@ class Layout:
 
     @classmethod
     def load(cls, path: str | Path) -> Layout:
-        """Read an object layout file. Paths of mesh files are relative to the folder of the layout file."""
+        """Read an object layout file. Paths of mesh files are relative to the folder of the layout file.
+
+        Raises:
+            MissingError: the file does not exist.
+            LayoutError: the file is not YAML or not a layout.
+        """
         import yaml
 
         path = Path(path)

@@ -32,6 +32,9 @@ def identifier(name: str) -> str:
 
     >>> identifier("the Corner reflector")
     'corner_reflector'
+
+    Raises:
+        LayoutError: no object or several objects match `name`; the message lists the names of the objects.
     """
     wanted = words(name)
     spellings = {n: [words(n)] for n in names()} | {n: [words(n), words(e.label)] for n, e in objects.catalogue().items()}
@@ -57,10 +60,14 @@ def from_mesh(path: str | Path, material: str | Layered, unit: str = "m", up: st
 
     Args:
         path: .glb, .ply, .obj or .stl file, whose texture and colours are kept.
+        material: material of the whole object.
         unit: length unit of the file's coordinates: m, cm, mm, in or ft.
         up: axis of the file's coordinates that points up: x, y, z, -x, -y or -z.
     Returns:
         A surface for each mesh in the file; all surfaces have the file name without suffix as their name.
+    Raises:
+        MissingError: the file does not exist.
+        MeshError: the mesh is unreadable, empty, or not between 1 cm and 1 m long.
     """
     meshes = list(read_meshes(path).values())
     if not meshes:

@@ -70,6 +70,8 @@ def revolution(profile_m: Sequence[tuple[float, float]] | np.ndarray, segments: 
         profile_m: (N, 2) radius and height in metres of points along the outside, from the bottom upwards; a radius of zero closes an end.
             A profile point with a bend of less than 30 degrees becomes smooth, and a larger bend becomes a sharp rim.
         segments: number of facets around the z axis.
+    Raises:
+        MeshError: the profile has fewer than two points or a negative radius, or there are fewer than 3 segments.
     """
     profile = np.asarray(profile_m, dtype=np.float64)
     if profile.ndim != 2 or profile.shape[0] < 2 or profile.shape[1] != 2 or (profile[:, 0] < 0).any() or segments < 3:

@@ -102,6 +102,8 @@ def oval(sections_m: Sequence[tuple[float, float, float, float]] | np.ndarray, r
             metres, and exponent n (2: an ellipse, 6: flat sides with rounded corners). Flat ends close the first and the last
             cross-section.
         ring_m: largest vertical distance between two rings of vertices, in metres.
+    Raises:
+        MeshError: there are fewer than two cross-sections, heights do not rise, or a width, depth or exponent is invalid.
     """
     sections = np.asarray(sections_m, float)
     if sections.ndim != 2 or sections.shape[1] != 4 or len(sections) < 2 or (np.diff(sections[:, 0]) <= 0).any():

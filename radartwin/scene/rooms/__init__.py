@@ -50,6 +50,9 @@ ROOMS: dict[str, Callable[..., Scene]] = {"lab": lab, "atrium": atrium, "squash_
 def room(name: str, **options: Any) -> Scene:
     """Build a room by name, e.g. `room("squash_court", back="glass", detail="cluttered")`.
 
+    Raises:
+        SceneError: the room name or an option of the room is unknown, or the value of an option is invalid.
+
     >>> room("empty").provenance["room"]
     'empty'
     """

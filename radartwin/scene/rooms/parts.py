@@ -155,7 +155,11 @@ def _stored(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
 def check_options(
     room: str, size_m: Sequence[float], detail: str, least: tuple[float, float, float], most: tuple[float, float, float]
 ) -> list[float]:
-    """Check the options of a procedural room, and return the length, width and height of the room in metres."""
+    """Check the options of a procedural room, and return the length, width and height of the room in metres.
+
+    Raises:
+        SceneError: `detail` is unknown, `size_m` does not have three numbers, or a number is below `least` or above `most`.
+    """
     if detail not in DETAILS:
         raise SceneError(f"{room}: detail is {detail!r}; choose {', '.join(DETAILS)}")
     size = [float(v) for v in size_m]

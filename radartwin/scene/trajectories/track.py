@@ -61,7 +61,11 @@ class Track:
         return float(self.times_s[-1] - self.times_s[0])
 
     def at(self, times_s: np.ndarray | Sequence[float]) -> np.ndarray:
-        """Return the poses (F, 4, 4) at the times `times_s` (F,). Positions are interpolated linearly, rotations along the shortest arc."""
+        """Return the poses (F, 4, 4) at the times `times_s` (F,). Positions are interpolated linearly, rotations along the shortest arc.
+
+        Raises:
+            PoseError: a requested time is before the first or after the last pose of the track.
+        """
         times = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
         slack = 1e-9 * max(1.0, abs(self.times_s[-1]))
         first, last = self.times_s[0], self.times_s[-1]
@@ -79,6 +83,8 @@ class Track:
         Args:
             frames: number of radar frames; by default as many as the track covers.
             start_s: time in seconds from the first pose of the track to the first radar frame.
+        Raises:
+            PoseError: the frame rate is not positive, the start is outside the track, or the track covers fewer than `frames` frames.
         """
         if not (np.isfinite(rate_hz) and rate_hz > 0) or not 0 <= start_s <= self.duration_s:
             raise PoseError(f"{self.source}: frames at {rate_hz} Hz from {start_s} s of {self.duration_s:.4g} s; correct rate or start")
@@ -121,6 +127,8 @@ def from_quaternions(quaternions: np.ndarray, place: Callable[[int], str]) -> np
 
     Args:
         place: function that returns, for an index k, the text that names pose k in error messages, such as a file name and a line.
+    Raises:
+        PoseError: the length of a quaternion differs from 1 by more than UNIT_TOLERANCE.
     """
     length = np.asarray(np.linalg.norm(quaternions, axis=1))
     if (wrong := ~(np.abs(length - 1) < UNIT_TOLERANCE)).any():

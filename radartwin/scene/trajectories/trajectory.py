@@ -26,6 +26,9 @@ def pose(position: ArrayLike, rotation: np.ndarray | None = None) -> np.ndarray:
 def look_at(position: ArrayLike, target: ArrayLike) -> np.ndarray:
     """Return the sensor pose (4, 4) at `position` with its boresight towards `target` and its y axis horizontal.
 
+    Raises:
+        PoseError: `position` and `target` coincide.
+
     >>> look_at([0, 0, 1], [0, 2, 1])[:3, 0].tolist()
     [0.0, 1.0, 0.0]
     """

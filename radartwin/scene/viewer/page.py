@@ -41,11 +41,16 @@ def view(scene: Scene, path: str | Path, poses: np.ndarray | None = None, title:
     """Write a scene as an HTML page. If the scene is large, the page contains simplified meshes and a note about the simplification.
 
     Args:
+        path: path of the .html file.
         poses: (F, 4, 4) or (4, 4) sensor-to-world poses, which the page draws as a track with boresight directions; by default no track is
             drawn.
         title: heading of the page; by default the name of the room or the source of the scan, from the scene's provenance.
         by: property by which surfaces are coloured when the page opens: material, segment, reflectivity or colour (of the scan); the user
             can switch to a different property.
+    Raises:
+        SceneError: the scene has no surfaces, `by` is unknown, or `by` is "colour" and the scene has no scanned colours.
+        PoseError: the array `poses` does not have the shape (F, 4, 4) or (4, 4).
+        OutputError: the path does not end with .html, or the HTML file cannot be written.
     """
     path = Path(path)
     if path.suffix != ".html":

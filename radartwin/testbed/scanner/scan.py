@@ -51,12 +51,18 @@ def scan(
     """Scan a scene as a person with a phone would.
 
     Args:
+        scene: the true scene to scan.
+        seed: seed of all random numbers of the scan.
         strength: factor on depth noise, lost depth values, mixed depths at edges and pose drift; 0 is an ideal sensor.
         frames: number of frames; None computes it from the size of the room.
         poses: true camera-to-world poses (N, 4, 4), OpenCV axes; None plans a walk through the room.
+        sensor: parameters of the phone's sensors and their errors.
         colour_every: every n-th frame has a colour picture; 0 makes no colour pictures.
     Returns:
         The frames, with the poses that the phone estimates, and the true values.
+    Raises:
+        SceneError: the scene is empty, the room has no free floor for a person, or an argument is out of range.
+        PoseError: one of the given poses is not a rigid transform.
     """
     if not len(scene):
         raise SceneError("an empty scene cannot be scanned; add surfaces")
