@@ -31,7 +31,6 @@ from radartwin import source_files
 
 T = TypeVar("T")
 R = TypeVar("R")
-_OPTIONS = {"nogil": True, "no_cfunc_wrapper": True}
 
 
 def compiled(function: Callable[..., Any]) -> Any:
@@ -41,9 +40,9 @@ def compiled(function: Callable[..., Any]) -> Any:
     code from the cache gave results that differed in the last bits, and the code was not faster.
     """
     try:
-        dispatcher: Any = njit(cache=True, **_OPTIONS)(function)
+        dispatcher = _jit(function, cache=True)
     except RuntimeError:  # no folder for the cache can be written
-        return njit(**_OPTIONS)(function)
+        return _jit(function)
     file = dispatcher._cache._cache_file
     file._source_stamp = (file._source_stamp, _sources(function.__module__))
     compile_or_load = dispatcher.compile
@@ -69,8 +68,8 @@ def inner(function: Callable[..., Any], **options: Any) -> Any:
 
     Numba would compile another version for each literal argument. A call from Python compiles the function once more, as a whole.
     """
-    dispatcher: Any = njit(no_cpython_wrapper=True, pipeline_class=_PartCompiler, **_OPTIONS, **options)(function)
-    whole = functools.cache(lambda: njit(**_OPTIONS, **options)(function))
+    dispatcher = _jit(function, _PartCompiler, no_cpython_wrapper=True, **options)
+    whole = functools.cache(lambda: _jit(function, **options))
     compile_part = dispatcher.compile
     dispatcher.compile = lambda arguments: compile_part(tuple(types.unliteral(each) for each in arguments))
     dispatcher._insert = lambda *_, **__: None
@@ -96,20 +95,22 @@ def vectorised(function: Callable[..., Any]) -> Any:
     return inner(function, error_model="numpy", _nrt=False)
 
 
-class _PartCompiler(Compiler):
-    def define_pipelines(self) -> Any:
-        self.state.library = _Part(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
-        return super().define_pipelines()
+def _jit(function: Callable[..., Any], compiler: type[Compiler] | None = None, **options: Any) -> Any:
+    return njit(nogil=True, no_cfunc_wrapper=True, pipeline_class=compiler or _WholeCompiler, **options)(function)
 
 
-class _Part(JITCodeLibrary):
-    """Intermediate code of an `inner` function and of those that it calls. LLVM optimises it as part of each caller from Python, instead of
-    once more for each function in between, which took a third of the time of all compilations.
+class _Whole(JITCodeLibrary):
+    """Machine code of a function that Python calls, with all `inner` functions that it calls. LLVM optimises this code once, as a whole."""
+
+    def _optimize_functions(self, ll_module: Any) -> None: ...
+
+
+class _Part(_Whole):
+    """Intermediate code of an `inner` function and of those that it calls. If LLVM optimised this code too, it would optimise a function
+    once more for each function between Python and it. That took a quarter of the time of all compilations.
     """
 
     codegen = property(lambda self: self)
-
-    def _optimize_functions(self, ll_module: Any) -> None: ...
 
     def _optimize_final_module(self) -> None: ...
 
@@ -120,6 +121,19 @@ class _Part(JITCodeLibrary):
         return 0
 
     def set_env(self, name: str, environment: object) -> None: ...
+
+
+class _WholeCompiler(Compiler):
+    library: type[JITCodeLibrary] = _Whole
+
+    def define_pipelines(self) -> Any:
+        self.state.library = self.library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+        self.state.library.enable_object_caching()
+        return super().define_pipelines()
+
+
+class _PartCompiler(_WholeCompiler):
+    library = _Part
 
 
 @functools.cache

@@ -35,8 +35,8 @@ def compile_all() -> None:
 
 
 def _simulate_scenes() -> None:
-    """Simulate a furnished room with a can at rest, in motion and on a drive, and objects in free space."""
-    radar, room, bench = Radar.iwr1843(), rooms.room("lab", detail="furnished"), rooms.bench("lab")
+    """Simulate a bare room with a can at rest, in motion and on a drive, and objects in free space."""
+    radar, room, bench = Radar.iwr1843(), rooms.room("lab", detail="shell"), rooms.bench("lab")
     poses, place = trajectory.lateral_sweep(bench.sensor_pose)[:2], trajectory.pose(bench.target_position(1.0))
     can = Surface(objects.cylinder(0.033, 0.12), "metal", "can", roughness_m=1e-4, role="object")
     simulate(Scene([*room, can.moved(place)]), radar, poses, max_bounces=2, noise=True)
