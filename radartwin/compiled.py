@@ -26,6 +26,8 @@ from numba import njit, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.compiler_lock import global_compiler_lock
+from numba.extending import overload
+from numba.np import arrayobj
 
 from radartwin import source_files
 
@@ -134,6 +136,22 @@ class _WholeCompiler(Compiler):
 
 class _PartCompiler(_WholeCompiler):
     library = _Part
+
+
+def _raise(source: Any, slice_shape: Any) -> None:
+    """Report that an array has another shape than the slice to which compiled code assigns it."""
+
+
+@overload(_raise)
+def _raise_compiled(source: Any, slice_shape: Any) -> Any:
+    def raise_error(source: Any, slice_shape: Any) -> None:
+        raise ValueError("cannot assign slice from input of different size")
+
+    return raise_error
+
+
+# Numba's own error message names both shapes, for which it compiles 40 functions of texts in each process that compiles an assignment.
+arrayobj.raise_with_shape_context = _raise
 
 
 @functools.cache

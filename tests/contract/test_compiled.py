@@ -72,7 +72,7 @@ def test_an_inner_function_is_compiled_once_and_can_be_called_from_python():
     @compiled_module.compiled
     def outer(values):
         place, total = 0, item(values, 1, False)
-        for _ in range(2):
+        while place < 2:
             total += item(values, place, True)
             place += 1
         return total
