@@ -10,6 +10,7 @@ file imports (`_sources`).
 """
 
 import functools
+import gc
 import hashlib
 import os
 import threading
@@ -21,8 +22,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 from filelock import FileLock
-from numba import njit
+from numba import njit, types
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
 from numba.core.compiler_lock import global_compiler_lock
+from numba.extending import overload
+from numba.np import arrayobj
 
 from radartwin import source_files
 
@@ -31,37 +36,15 @@ R = TypeVar("R")
 
 
 def compiled(function: Callable[..., Any]) -> Any:
-    """Compile a function to machine code that releases Python's global interpreter lock.
+    """Compile a function to machine code that releases Python's global interpreter lock, and keep the machine code in Numba's cache.
 
     The machine code does not fuse a multiplication and an addition into one instruction. With fused instructions, newly compiled code and
     code from the cache gave results that differed in the last bits, and the code was not faster.
     """
-    return _built(function, {})
-
-
-def innermost(function: Callable[..., Any]) -> Any:
-    """Compile a small function that compiled loops call millions of times. The function must not create or return arrays.
-
-    The compiled function does not count references to its arrays. Counting references would take as long as ten divisions per call, because
-    the counter is atomic, and longer if several threads use the same array.
-    """
-    return _built(function, {"_nrt": False})
-
-
-def vectorised(function: Callable[..., Any]) -> Any:
-    """Compile a function with loops that the processor can vectorise, so that it computes several iterations at a time.
-
-    A division by zero gives infinity or NaN, as in NumPy, because a check of each divisor would end the loop early. The function must not
-    create or return arrays.
-    """
-    return _built(function, {"error_model": "numpy", "_nrt": False})
-
-
-def _built(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     try:
-        dispatcher: Any = njit(cache=True, nogil=True, **options)(function)
+        dispatcher = _jit(function, cache=True)
     except RuntimeError:  # no folder for the cache can be written
-        return njit(nogil=True, **options)(function)
+        return _jit(function)
     file = dispatcher._cache._cache_file
     file._source_stamp = (file._source_stamp, _sources(function.__module__))
     compile_or_load = dispatcher.compile
@@ -73,10 +56,102 @@ def _built(function: Callable[..., Any], options: dict[str, Any]) -> Any:
             # The lock only saves time. Where a file system has no locks, two processes compile the same function.
             with suppress(OSError, NotImplementedError):
                 held.enter_context(lock)
+            if gc.isenabled():  # otherwise Python would search for garbage for a sixth of the time
+                gc.disable()
+                held.callback(gc.enable)
             return compile_or_load(signature)
 
     dispatcher.compile = compile_once
     return dispatcher
+
+
+def inner(function: Callable[..., Any], **options: Any) -> Any:
+    """Compile a function that only compiled functions call. Its machine code is part of theirs, and it has none of its own.
+
+    Numba would compile another version for each literal argument. A call from Python compiles the function once more, as a whole.
+    """
+    dispatcher = _jit(function, _PartCompiler, no_cpython_wrapper=True, **options)
+    whole = functools.cache(lambda: _jit(function, **options))
+    compile_part = dispatcher.compile
+    dispatcher.compile = lambda arguments: compile_part(tuple(types.unliteral(each) for each in arguments))
+    dispatcher._insert = lambda *_, **__: None
+    dispatcher._compile_for_args = lambda *_, **__: whole()  # what this returns, Numba calls with the same arguments
+    return dispatcher
+
+
+def innermost(function: Callable[..., Any]) -> Any:
+    """Compile a small `inner` function that compiled loops call millions of times. The function must not create or return arrays.
+
+    The compiled function does not count references to its arrays. Counting references would take as long as ten divisions per call, because
+    the counter is atomic, and longer if several threads use the same array.
+    """
+    return inner(function, _nrt=False)
+
+
+def vectorised(function: Callable[..., Any]) -> Any:
+    """Compile an `inner` function with loops that the processor can vectorise, so that it computes several iterations at a time.
+
+    A division by zero gives infinity or NaN, as in NumPy, because a check of each divisor would end the loop early. The function must not
+    create or return arrays.
+    """
+    return inner(function, error_model="numpy", _nrt=False)
+
+
+def _jit(function: Callable[..., Any], compiler: type[Compiler] | None = None, **options: Any) -> Any:
+    return njit(nogil=True, no_cfunc_wrapper=True, pipeline_class=compiler or _WholeCompiler, **options)(function)
+
+
+class _Whole(JITCodeLibrary):
+    """Machine code of a function that Python calls, with all `inner` functions that it calls. LLVM optimises this code once, as a whole."""
+
+    def _optimize_functions(self, ll_module: Any) -> None: ...
+
+
+class _Part(_Whole):
+    """Intermediate code of an `inner` function and of those that it calls. If LLVM optimised this code too, it would optimise a function
+    once more for each function between Python and it. That took a quarter of the time of all compilations.
+    """
+
+    codegen = property(lambda self: self)
+
+    def _optimize_final_module(self) -> None: ...
+
+    def _finalize_final_module(self) -> None:
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        return 0
+
+    def set_env(self, name: str, environment: object) -> None: ...
+
+
+class _WholeCompiler(Compiler):
+    library: type[JITCodeLibrary] = _Whole
+
+    def define_pipelines(self) -> Any:
+        self.state.library = self.library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+        self.state.library.enable_object_caching()
+        return super().define_pipelines()
+
+
+class _PartCompiler(_WholeCompiler):
+    library = _Part
+
+
+def _raise(source: Any, slice_shape: Any) -> None:
+    """Report that an array has another shape than the slice to which compiled code assigns it."""
+
+
+@overload(_raise)
+def _raise_compiled(source: Any, slice_shape: Any) -> Any:
+    def raise_error(source: Any, slice_shape: Any) -> None:
+        raise ValueError("cannot assign slice from input of different size")
+
+    return raise_error
+
+
+# Numba's own error message names both shapes, for which it compiles 40 functions of texts in each process that compiles an assignment.
+arrayobj.raise_with_shape_context = _raise
 
 
 @functools.cache

@@ -1,21 +1,15 @@
-"""`make setup` compiles the simulator by a command, whose workers must find the functions that they compile."""
+"""`make setup` compiles the simulator once, and `radartwin demo` does so in a worker, which must find the function that it calls."""
 
 from __future__ import annotations
 
-import os
 import pickle
-import runpy
+from pathlib import Path
+from types import SimpleNamespace
 from typing import ClassVar
 
 import pytest
 
-from radartwin.io import process_pool
 from radartwin.simulation import compile_ahead
-
-
-class Future:
-    def result(self) -> None:
-        """Return at once, as after a compilation."""
 
 
 class Pool:
@@ -25,17 +19,28 @@ class Pool:
 
     def __init__(self, *_: object, **__: object) -> None: ...
 
-    def submit(self, function: object, *arguments: object) -> Future:
+    def submit(self, function: object, *arguments: object) -> SimpleNamespace:
         self.tasks.append(pickle.dumps((function, arguments)))
-        return Future()
+        return SimpleNamespace(result=lambda: None)
 
     def end(self) -> None: ...
 
 
-def test_the_command_gives_its_workers_functions_that_they_can_import(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(process_pool, "ProcessPool", Pool)
+def test_the_worker_gets_a_function_that_it_can_import(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compile_ahead, "ProcessPool", Pool)
     monkeypatch.setattr(Pool, "tasks", [])
-    runpy.run_path(os.fspath(compile_ahead.__file__), run_name="__main__")
-    assert [pickle.loads(task) for task in Pool.tasks] == [(compile_ahead.compile_all, (False,)), (compile_ahead.compile_all, (True,))]
-    assert all(b"__main__" not in task for task in Pool.tasks)
+    with compile_ahead.compiling() as finished:
+        finished()
+    assert [pickle.loads(task) for task in Pool.tasks] == [(compile_ahead.compile_all, ())]
+
+
+def test_nothing_is_simulated_again_until_a_source_file_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    simulated: list[str] = []
+    sources = {"digest": "before"}
+    monkeypatch.setattr(compile_ahead, "spread", SimpleNamespace(stats=SimpleNamespace(cache_path=str(tmp_path))))
+    monkeypatch.setattr(compile_ahead, "_digest", lambda: sources["digest"])
+    monkeypatch.setattr(compile_ahead, "_simulate_scenes", lambda: simulated.append(sources["digest"]))
+    for digest in ("before", "before", "after", "after"):
+        sources["digest"] = digest
+        compile_ahead.compile_all()
+    assert simulated == ["before", "after"]

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import warnings
 
+import numpy as np
 import pytest
 
 from radartwin import compiled as compiled_module
@@ -59,6 +60,27 @@ def test_two_processes_compile_a_function_once(tmp_path):
         process.stdin.flush()
     counts = sorted(process.communicate(timeout=120)[0] for process in processes)
     assert counts == ["0 1\n", "1 0\n"], "(misses, hits) of each process"
+
+
+def test_an_inner_function_is_compiled_once_and_can_be_called_from_python():
+    """The machine code of an inner function is only in that of its callers. Numba itself makes a version for each literal argument."""
+
+    @compiled_module.inner
+    def item(values, place, twice):
+        return values[place] * (2 if twice else 1)
+
+    @compiled_module.compiled
+    def outer(values):
+        place, total = 0, item(values, 1, False)
+        while place < 2:
+            total += item(values, place, True)
+            place += 1
+        return total
+
+    assert outer(np.array([1.0, 2.0])) == 8.0
+    assert len(item.overloads) == 1
+    assert item(np.array([1.0, 2.0]), 1, True) == 4.0
+    assert item.stats.cache_path is None
 
 
 @pytest.mark.slow

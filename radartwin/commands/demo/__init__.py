@@ -87,7 +87,7 @@ def demo(output: Path) -> Path:
         with steps.step("label the materials with the recorded answers of a vision-language model") as result:
             label_folder(scene_folder, LabelOptions(missing="uniform:plasterboard"))
             result.append(_largest(Scene.load(scene_folder)))
-        with steps.step(f'place "{SENTENCE}" and simulate the radar (a first run compiles the simulator: about a minute)') as result:
+        with steps.step(f'place "{SENTENCE}" and simulate the radar (a first run compiles the simulator: one to two minutes)') as result:
             place = [path_override("scene.path", scene_folder), f'scene.sentence="{SENTENCE}"']
             radar = ["trajectory=static", f"trajectory.position_m={list(POSITION_M)}", f"trajectory.heading_deg={HEADING_DEG}"]
             config = compose(["scene=scan", *place, *radar, "trajectory.frames=1", *COARSE])

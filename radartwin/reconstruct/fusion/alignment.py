@@ -19,7 +19,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from radartwin.compiled import compiled, shared_out
+from radartwin.compiled import compiled, inner, shared_out
 from radartwin.reconstruct.fusion.views import Views
 from radartwin.reconstruct.fusion.volume import View
 
@@ -212,7 +212,7 @@ def _motion_prior(rotation: np.ndarray, start: np.ndarray, poses: np.ndarray, ce
     return weights, pulls
 
 
-@compiled
+@inner
 def _projected(x, y, z, pose, depth, lens):
     """Return row and column of a world point in a view (-1 outside the view), and the depth of the point in the view."""
     a, b, c = x - pose[0, 3], y - pose[1, 3], z - pose[2, 3]

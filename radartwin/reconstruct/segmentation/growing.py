@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from radartwin.compiled import compiled
+from radartwin.compiled import compiled, inner
 from radartwin.reconstruct.segmentation.face_arrays import MIN_FITTED, Faces
 
 REFIT = 1.2  # the plane of a region is refitted each time the number of faces in the region has grown by this factor
@@ -35,7 +35,7 @@ def absorb(faces: Faces, label: np.ndarray, angle_deg: float, distance_m: float)
         _absorb(mesh, normal, offset, np.cos(np.radians(angle_deg)), distance_m, label)
 
 
-@compiled
+@inner
 def _plane(count, sums, normal):
     """Return the plane (nx, ny, nz, d) of the sums of w, w c (3), w c c (xx xy xz yy yz zz), w n (3) over areas w, centres c, normals n."""
     w, centre, spread, at = sums[0], sums[1:4] / sums[0], np.empty((3, 3)), 4
@@ -54,7 +54,7 @@ def _plane(count, sums, normal):
     return normal[0] * centre[0] + normal[1] * centre[1] + normal[2] * centre[2]
 
 
-@compiled
+@inner
 def _add(sums, w, c, n):
     """Add a face of area `w`, centre `c` and normal `n` to the sums from which `_plane` computes a plane."""
     sums[0] += w
@@ -67,7 +67,7 @@ def _add(sums, w, c, n):
             at += 1
 
 
-@compiled
+@inner
 def _fits(c, n, normal, offset, min_cosine, distance):
     """Return whether a face with centre `c` and unit normal `n` fits the plane within the limits of angle and distance."""
     away = normal[0] * c[0] + normal[1] * c[1] + normal[2] * c[2] - offset

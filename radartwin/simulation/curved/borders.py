@@ -144,7 +144,7 @@ def _cut(begin, stop, ends, normal, solid, source, frame, scale, fine, origin, p
                 more[:number], further[:number] = cell[:number], line[:number]
                 cell, line = more, further
             number = _mark(at, rows, columns, cell, line, number)
-        order = np.argsort(cell[:number], kind="mergesort")
+        order = np.argsort(cell[:number].astype(np.float64), kind="mergesort")  # Numba compiles one sort for each type
         low = 0
         while low < number:
             here = cell[order[low]]

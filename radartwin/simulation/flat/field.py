@@ -143,7 +143,7 @@ def images_of(faces: Faces, source: Point, chain: np.ndarray, out: np.ndarray) -
 
 
 @innermost
-def contains(faces: Faces, p: int, point: Point, margin: float = 0.0) -> bool:
+def contains(faces: Faces, p: int, point: Point, margin: float) -> bool:
     """Return whether a point of the plane of face `p` lies in one of the face's triangles or within a margin of it."""
     x, y, z = point[0], point[1], point[2]
     for t in range(faces.first[p], faces.first[p + 1]):
@@ -163,7 +163,7 @@ def contains(faces: Faces, p: int, point: Point, margin: float = 0.0) -> bool:
 
 
 @innermost
-def reflect_points(faces: Faces, source: Point, chain: np.ndarray, end: Point, points: np.ndarray, margin: float = 0.0) -> bool:
+def reflect_points(faces: Faces, source: Point, chain: np.ndarray, end: Point, points: np.ndarray, margin: float) -> bool:
     """Write the reflection points (len(chain), 3) of the path from `source` over `chain` to `end`; returns whether the path exists.
 
     With a margin, the path counts as existing if it exists after its ends move by less than the margin.
@@ -273,7 +273,7 @@ def angle(faces: Faces, e: int, direction: Point) -> float:
 
 
 @innermost
-def open_angle(faces: Faces, e: int, direction: Vector, slack: float = 0.0) -> float:
+def open_angle(faces: Faces, e: int, direction: Vector, slack: float) -> float:
     """Return the angle of a direction as `angle`; a direction at most OPEN_RAD inside a face of the edge has the angle of this face.
 
     slack: by which the direction can turn, rad; a direction that can leave the face is turned as far as possible.

@@ -266,7 +266,7 @@ def _lift(walls: Walls, usable: np.ndarray, sensor: np.ndarray, centre: np.ndarr
                 missing = ABOVE_M - side * (dot(points[n], faces.normal[p]) - faces.offset[p])
                 if missing > 0:
                     moved = points[n] + missing * side * faces.normal[p]
-                    if contains(faces, p, moved):
+                    if contains(faces, p, moved, 0.0):
                         points[n] = moved
 
 
@@ -342,7 +342,7 @@ def _lines(
             back = image(faces, end, chain[i + 1 :][::-1], 1.0)
             at = moved(images[i + 1], toward(images[i + 1], target, 1.0), below / (below - above))
             put(met, i + 1, at)
-            inside = 1.0 if contains(faces, p, at) else 0.0
+            inside = 1.0 if contains(faces, p, at, 0.0) else 0.0
             total *= _mirror(faces, borders, p, at, inside, vector(images, i + 1), back, wavenumber)
             if abs(total) < MIRRORED:
                 total = 0j

@@ -50,7 +50,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from radartwin.compiled import compiled, gathered, innermost
+from radartwin.compiled import compiled, gathered, inner, innermost
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
 from radartwin.simulation.flat import faces as faces_module
@@ -273,7 +273,7 @@ def _all(
     return True
 
 
-@compiled
+@inner
 def _beams(capacity: int, most: int) -> _Beams:
     chain, polygon = np.empty((capacity, most), np.int64), np.empty((capacity, CORNERS, 3))
     return _Beams(chain, np.empty(capacity, np.int64), np.empty((capacity, 3)), polygon, np.empty(capacity, np.int64))
@@ -289,7 +289,7 @@ def _side(apex: np.ndarray, a: Vector, b: Vector, middle: Vector) -> Vector:
     return moved(ZERO, normal, (1.0 if dot(normal, toward(apex, middle, 1.0)) >= 0 else -1.0) / size)
 
 
-@compiled
+@inner
 def _subtract(
     body: _Body, p: int, apex: np.ndarray, last: int, facing: float, pieces: np.ndarray, counts: np.ndarray, spare: np.ndarray
 ) -> int:
@@ -366,7 +366,7 @@ def _subtract(
     return number
 
 
-@compiled
+@inner
 def _follow(body: _Body, place: np.ndarray, beams: _Beams, pieces: np.ndarray, counts: np.ndarray) -> int:
     """Write the beams of a place over all sequences of faces that are shorter than a chain; returns their number, or -1 if there is no room
     for all of them.
@@ -408,7 +408,7 @@ def _follow(body: _Body, place: np.ndarray, beams: _Beams, pieces: np.ndarray, c
     return count
 
 
-@compiled
+@inner
 def _reflections(body: _Body, ends: _Ends, beams: _Beams, number: int, pieces: np.ndarray, counts: np.ndarray, out: _Out) -> bool:
     """Write the paths over the faces of all beams; returns False if `out` is too short."""
     faces, spare = body.shape.faces, np.empty((4, CORNERS, 3))
@@ -438,7 +438,7 @@ def _leaving(faces: Faces, chain: np.ndarray, apex: np.ndarray, x: np.ndarray) -
     return image(faces, toward(apex, x, length), chain[::-1], 0.0), length
 
 
-@compiled
+@inner
 def _arriving(body: _Body, antenna: np.ndarray, chain: np.ndarray, image: np.ndarray, x: np.ndarray, out: np.ndarray) -> None:
     """Write the field (Q, 3) of an antenna at x after the reflections of a chain, without spreading and phase."""
     way, _ = _leaving(body.shape.faces, chain, image, x)
@@ -446,7 +446,7 @@ def _arriving(body: _Body, antenna: np.ndarray, chain: np.ndarray, image: np.nda
     reflected(body.shape.faces, body.tables, out, way, chain)
 
 
-@compiled
+@inner
 def _factor(
     body: _Body, ends: _Ends, there: np.ndarray, apex: np.ndarray, back: np.ndarray, receiver: np.ndarray, x: np.ndarray, shade: float,
     out: np.ndarray,
@@ -538,7 +538,7 @@ def _over(a: Point, b: Point, x: Point) -> float:
     return distance(a, x) + distance(b, x)
 
 
-@compiled
+@inner
 def _divisions(a: np.ndarray, b: np.ndarray, source: np.ndarray, receiver: np.ndarray, wavenumber: float) -> tuple[int, int]:
     """Return into how many pieces a line from a to b is divided, and in how many parts factors of the field are interpolated."""
     along = b - a
@@ -553,7 +553,7 @@ def _divisions(a: np.ndarray, b: np.ndarray, source: np.ndarray, receiver: np.nd
     return math.ceil(max(pieces, abs(high - low) / DEPTH_M)), math.ceil(size / (SMOOTH_RAD * nearest))
 
 
-@compiled
+@inner
 def _add(
     faces: Faces, ends: _Ends, there: np.ndarray, image: np.ndarray, back: np.ndarray, other: np.ndarray, x: np.ndarray,
     amplitude: np.ndarray, out: _Out,
@@ -579,7 +579,7 @@ def _add(
     return True
 
 
-@compiled
+@inner
 def _edge_of(faces: Faces, parts: _Parts, chain: np.ndarray, images: np.ndarray, a: np.ndarray, b: np.ndarray) -> int:
     """Move a side of a lit polygon, with the ends a and b, back along its rays to the edge that bounds the light there, and return the
     place in the chain of the face that this edge belongs to. The shadows of other faces stay on the last face.
@@ -610,7 +610,7 @@ def _edge_of(faces: Faces, parts: _Parts, chain: np.ndarray, images: np.ndarray,
     return len(chain) - 1
 
 
-@compiled
+@inner
 def _polygon(
     body: _Body, ends: _Ends, chain: np.ndarray, apex: np.ndarray, mirrored: np.ndarray, polygon: np.ndarray, count: int, out: _Out
 ) -> bool:
@@ -805,7 +805,7 @@ def _beyond(a: float, b: float, reach: float) -> complex:
     return math.cos(a) * math.cos(b) * share
 
 
-@compiled
+@inner
 def _width(faces: Faces, p: int, x: np.ndarray, way: np.ndarray) -> float:
     """Return the distance in metres from a point on the border of face `p` along a direction in its plane to the opposite border."""
     least = np.inf
@@ -818,7 +818,7 @@ def _width(faces: Faces, p: int, x: np.ndarray, way: np.ndarray) -> float:
     return least
 
 
-@compiled
+@inner
 def _fringe(
     body: _Body, source: np.ndarray, receiver: np.ndarray, sent: np.ndarray, got: np.ndarray, e: int, x: np.ndarray, shaded: float,
     out: np.ndarray,
@@ -876,7 +876,7 @@ def _fringe(
         out[q] = -total.conjugate() / (4 * math.pi)
 
 
-@compiled
+@inner
 def _lit(faces: Faces, beams: _Beams, number: int) -> np.ndarray:
     """Return the parts (B, E, 2) of all edges in metres that lie inside each beam that may be reflected once more, in the open sector of
     the edge; an empty part has high <= low.
@@ -898,7 +898,7 @@ def _lit(faces: Faces, beams: _Beams, number: int) -> np.ndarray:
     return lit
 
 
-@compiled
+@inner
 def _open(faces: Faces, tree: Hierarchy, beams: _Beams, b: int, x: np.ndarray, crossed: np.ndarray) -> bool:
     """Return whether nothing is between a point and the last face of a beam, or the place of the beams."""
     start = beams.image[b]
@@ -909,7 +909,7 @@ def _open(faces: Faces, tree: Hierarchy, beams: _Beams, b: int, x: np.ndarray, c
     return obstacles.crossed(tree, start, x, np.ones(1, np.bool_), crossed) >= 0
 
 
-@compiled
+@inner
 def _fringes(body: _Body, ends: _Ends, beams: _Beams, number: int, others: _Beams, received: int, out: _Out) -> bool:
     """Write the paths of fringe currents along all edges in the beams of source and receiver; returns False if `out` is too short.
 
@@ -931,7 +931,7 @@ def _fringes(body: _Body, ends: _Ends, beams: _Beams, number: int, others: _Beam
     return True
 
 
-@compiled
+@inner
 def _edge(body: _Body, ends: _Ends, e: int, low: float, high: float, beams: _Beams, b: int, others: _Beams, c: int, out: _Out) -> bool:
     """Write the paths of fringe currents along a part of an edge, out over beam `b` and back over beam `c` of the others."""
     faces, wavenumbers, nodes = body.shape.faces, body.wavenumbers, len(body.wavenumbers)

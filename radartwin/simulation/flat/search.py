@@ -311,7 +311,7 @@ def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, number
                     sample = (i + k) % (2 * sees + 1) - 1
                     share = 0.0 if sample < 0 else 0.5 if sample < sees else 0.9
                     x = moved(centre, toward(centre, vector(polygon, sample % sees), 1.0), share)
-                    if reflect_points(faces, source, before, x, points):
+                    if reflect_points(faces, source, before, x, points, 0.0):
                         lit, met = max(lit, _passed(walls, source, points, m, x, pane_ids, least / reflected)), True
                         if known_lit > 0 or lit >= beams.passed[b]:  # one sample of each place after a lit one
                             break
@@ -429,7 +429,7 @@ def _reach(
                     for k in range(0 if known > 0 else -1, len(samples) if low < high else -1):
                         z = min(max(foot, low + 1e-5), high - 1e-5) if k < 0 else low + samples[(i + k) % len(samples)] * (high - low)
                         x = edge_point(faces, e, z)
-                        if reflect_points(faces, source, before, x, points):
+                        if reflect_points(faces, source, before, x, points, 0.0):
                             lit = max(lit, _passed(walls, source, points, m, x, pane_ids, least))
                             if known > 0 or lit >= beams.passed[b]:
                                 break
@@ -523,7 +523,7 @@ def _share(faces: Faces, e: int, wavenumber: float, radius: float, source: Vecto
 @innermost
 def _is_open(faces: Faces, e: int, x: Vector, end: Vector, radius: float) -> bool:
     """Return whether the line from a point x of edge `e` to a ball around `end` can run in the open sector of the edge."""
-    phi, most = open_angle(faces, e, toward(x, end, 1.0)), faces.opening[e] * math.pi
+    phi, most = open_angle(faces, e, toward(x, end, 1.0), 0.0), faces.opening[e] * math.pi
     if phi <= most:
         return True
     # distance of the end from the edge's line, on which the angle depends
@@ -578,7 +578,7 @@ def _linked(walls: Walls, samples: np.ndarray, wanted: np.ndarray, piece: int, p
                         if common >= 0 and shift[0] == 0 and shift[1] == 0 and shift[2] == 0:
                             continue
                         here, there = moved(start, shift, 1.0), moved(end, shift, 1.0)
-                        over = p < 0 or reflect_points(faces, here, chain, there, points)
+                        over = p < 0 or reflect_points(faces, here, chain, there, points, 0.0)
                         seen = seen or (over and panes_on(walls.tree, walls.opaque, here, points, int(p >= 0), there, pane_ids) >= 0)
                     if seen:
                         break

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import trimesh
 
-from radartwin.compiled import compiled, innermost
+from radartwin.compiled import inner, innermost
 from radartwin.simulation.flat.obstacles import Hierarchy, Point, Vector, build
 from radartwin.simulation.flat.vectors import cross, distance, dot, moved, put, toward, unit, vector
 from radartwin.simulation.geometry import Geometry
@@ -82,7 +82,7 @@ def skin(geometry: Geometry) -> Skin:
     )  # fmt: skip
 
 
-@compiled
+@inner
 def outline(body: Skin, viewer: np.ndarray, wavenumber: float, out: np.ndarray) -> int:
     """Write the outline of a body as seen from `viewer` (3,) to `out` (MAX_SEGMENTS, 2, 3). Returns its number of edges.
 
@@ -124,7 +124,7 @@ def picture_axes(view: Point) -> tuple[Vector, Vector, Vector]:
     return cross(up, view), up, (view[0], view[1], view[2])
 
 
-@compiled
+@inner
 def _projected(points: np.ndarray, viewer: np.ndarray, frame: tuple, away: float) -> np.ndarray:
     """Return points (V, 3) in the picture: to the right and up in metres at the distance `away`, and the depth in metres."""
     out = np.empty(points.shape)
@@ -135,7 +135,7 @@ def _projected(points: np.ndarray, viewer: np.ndarray, frame: tuple, away: float
     return out
 
 
-@compiled
+@inner
 def _borders(body: Skin, viewer: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the edges (N,) at which the number of layers changes, and the change (N,) of this number from left to right.
 
@@ -171,7 +171,7 @@ def _borders(body: Skin, viewer: np.ndarray, seen: np.ndarray) -> tuple[np.ndarr
     return edges[:count], steps[:count]
 
 
-@compiled
+@inner
 def _rows(body: Skin, edges: np.ndarray, seen: np.ndarray, spacing: float, at_ends: bool) -> np.ndarray:
     """Return the increasing heights of the rows of the picture; with `at_ends`, also heights slightly above and below each end of the
     edges.
@@ -193,7 +193,7 @@ def _rows(body: Skin, edges: np.ndarray, seen: np.ndarray, spacing: float, at_en
     return np.unique(np.concatenate((rows, more)))
 
 
-@compiled
+@inner
 def _intervals(
     body: Skin, edges: np.ndarray, steps: np.ndarray, seen: np.ndarray, rows: np.ndarray, narrowest: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -239,7 +239,7 @@ def _intervals(
     return left, right, count
 
 
-@compiled
+@inner
 def _polygons(rows: np.ndarray, left: np.ndarray, right: np.ndarray, count: np.ndarray, tolerance: float, out: np.ndarray) -> int:
     """Write the edges of the polygons around the intervals of all rows to `out`, in the picture; -1 if they are too many."""
     total, begin = 0, 0
@@ -278,7 +278,7 @@ def _polygons(rows: np.ndarray, left: np.ndarray, right: np.ndarray, count: np.n
     return total
 
 
-@compiled
+@inner
 def _between(sharp: np.ndarray, wavenumber: float, away: float, out: np.ndarray, number: int) -> int:
     """Move the corners of polygons in the picture to the mean depth of sharp edges (S, 2, 3) beside them. Returns the number of edges.
 

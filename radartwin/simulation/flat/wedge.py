@@ -21,7 +21,7 @@ import math
 import numpy as np
 from scipy.special import wofz
 
-from radartwin.compiled import compiled
+from radartwin.compiled import inner
 
 STEPS, LAST = 2048, 8.0  # table of `scaled_tail`; cubic interpolation between its steps has an error below 1e-12
 _GRID = np.linspace(0, LAST, STEPS + 1)
@@ -30,7 +30,7 @@ _NEAR = 1e-6  # sine of an angle to a boundary below which the limits of the ter
 _TURN = cmath.exp(0.25j * math.pi)
 
 
-@compiled
+@inner
 def scaled_tail(u: float) -> complex:
     """Return exp(j u^2) times the integral of exp(-j t^2) from u >= 0 to infinity."""
     if u >= LAST:
@@ -46,7 +46,7 @@ def scaled_tail(u: float) -> complex:
     return ends + slope_low * t * rest * rest - slope_high * t * t * rest
 
 
-@compiled
+@inner
 def half_plane(v: float) -> complex:
     """Return the Fresnel integral of exp(-j pi t^2/2) from minus infinity to v over the integral over all t: 0 in shadow, 1 in light.
 
@@ -58,7 +58,7 @@ def half_plane(v: float) -> complex:
     return 1 - rest if v >= 0 else rest
 
 
-@compiled
+@inner
 def _term(sign: float, beta: float, n: float, kl: float) -> tuple[complex, complex]:
     """Return cot((pi + sign beta)/2n) F(kl a), and its derivative by beta at constant a, which has no jump at the boundary."""
     order = round((sign * math.pi + beta) / (2 * math.pi * n))
@@ -75,7 +75,7 @@ def _term(sign: float, beta: float, n: float, kl: float) -> tuple[complex, compl
     return math.cos(argument) / sine * transition, slope
 
 
-@compiled
+@inner
 def coefficients(
     phi: float, phi0: float, n: float, wavenumber: float, sine: float, distance: float
 ) -> tuple[complex, complex, complex, complex, complex]:
@@ -98,7 +98,7 @@ def coefficients(
     return c * (shadow_n + shadow_0), c * mirror_0, c * mirror_n, c * (slope_n + slope_0), c * (bend_n + bend_0)
 
 
-@compiled
+@inner
 def face_terms(phi: float, phi0: float, kl: float) -> tuple[complex, complex]:
     """Return the terms of the shadow boundary and of the reflection boundary of one face in physical optics.
 

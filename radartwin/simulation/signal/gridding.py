@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from radartwin.compiled import compiled, innermost
+from radartwin.compiled import compiled, inner, innermost
 
 TAPS = 6  # number of delay-grid cells (taps) over which the spreading kernel distributes each path
 DEGREE = TAPS + 1  # degree of the polynomials that approximate the spreading kernel with an error of 1e-6 of its peak
@@ -55,7 +55,7 @@ class Setup(NamedTuple):
     least: Any  # the synthesis skips copies and terms of a path whose weight has a smaller magnitude than this
 
 
-@compiled
+@inner
 def _phasor(cycles):
     """Return cosine and sine of the angle 2 pi cycles, with an error of 1e-11.
 
@@ -330,7 +330,7 @@ def _add(factor, values, line):
         line[i] += factor * values[i]
 
 
-@compiled
+@inner
 def _gather(task, stop, row, grid, channels, re, im):
     """Sum one row of the delay grids of the tasks `task` to `stop` - 1, and write the sum to `re` and `im`, (cells x channels,) in single
     precision.
@@ -353,7 +353,7 @@ def _gather(task, stop, row, grid, channels, re, im):
                 im[target + c] += sum_im
 
 
-@compiled
+@inner
 def transform(re, im, other_re, other_im, rows, cosine, sine):
     """Compute the Fourier sum sum_m x[m] exp(+j 2 pi m n/M) along the first axis of flattened (M, rows) arrays.
 
