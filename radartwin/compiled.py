@@ -20,19 +20,19 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numba
 import numpy as np
 from filelock import FileLock
 from numba import njit, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.compiler_lock import global_compiler_lock
-from numba.extending import overload
-from numba.np import arrayobj
 
 from radartwin import source_files
 
 T = TypeVar("T")
 R = TypeVar("R")
+PARTS = numba.__version__.startswith("0.68.")  # `_Part` replaces internal methods of Numba, which other versions may not have
 
 
 def compiled(function: Callable[..., Any]) -> Any:
@@ -41,10 +41,14 @@ def compiled(function: Callable[..., Any]) -> Any:
     The machine code does not fuse a multiplication and an addition into one instruction. With fused instructions, newly compiled code and
     code from the cache gave results that differed in the last bits, and the code was not faster.
     """
+    return _cached(function)
+
+
+def _cached(function: Callable[..., Any], **options: Any) -> Any:
     try:
-        dispatcher = _jit(function, cache=True)
+        dispatcher = _jit(function, cache=True, **options)
     except RuntimeError:  # no folder for the cache can be written
-        return _jit(function)
+        return _jit(function, **options)
     file = dispatcher._cache._cache_file
     file._source_stamp = (file._source_stamp, _sources(function.__module__))
     compile_or_load = dispatcher.compile
@@ -69,7 +73,10 @@ def inner(function: Callable[..., Any], **options: Any) -> Any:
     """Compile a function that only compiled functions call. Its machine code is part of theirs, and it has none of its own.
 
     Numba would compile another version for each literal argument. A call from Python compiles the function once more, as a whole.
+    With a version of Numba other than that of PARTS, the function has machine code of its own, which takes twice as long to compile.
     """
+    if not PARTS:
+        return _cached(function, **options)
     dispatcher = _jit(function, _PartCompiler, no_cpython_wrapper=True, **options)
     whole = functools.cache(lambda: _jit(function, **options))
     compile_part = dispatcher.compile
@@ -98,7 +105,9 @@ def vectorised(function: Callable[..., Any]) -> Any:
 
 
 def _jit(function: Callable[..., Any], compiler: type[Compiler] | None = None, **options: Any) -> Any:
-    return njit(nogil=True, no_cfunc_wrapper=True, pipeline_class=compiler or _WholeCompiler, **options)(function)
+    if PARTS:
+        options |= {"no_cfunc_wrapper": True, "pipeline_class": compiler or _WholeCompiler}
+    return njit(nogil=True, **options)(function)
 
 
 class _Whole(JITCodeLibrary):
@@ -136,22 +145,6 @@ class _WholeCompiler(Compiler):
 
 class _PartCompiler(_WholeCompiler):
     library = _Part
-
-
-def _raise(source: Any, slice_shape: Any) -> None:
-    """Report that an array has another shape than the slice to which compiled code assigns it."""
-
-
-@overload(_raise)
-def _raise_compiled(source: Any, slice_shape: Any) -> Any:
-    def raise_error(source: Any, slice_shape: Any) -> None:
-        raise ValueError("cannot assign slice from input of different size")
-
-    return raise_error
-
-
-# Numba's own error message names both shapes, for which it compiles 40 functions of texts in each process that compiles an assignment.
-arrayobj.raise_with_shape_context = _raise
 
 
 @functools.cache
