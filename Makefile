@@ -65,7 +65,7 @@ bench: llvm
 	@$(PY) -m experiments.speed.bench --history
 	@if nvidia-smi >/dev/null 2>&1; then $(PY) -m experiments.speed.bench --history --variant cuda; fi
 
-# Keep the folder outputs, which may hold recordings and hours of results (radartwin clean deletes stored results).
+# Keep the folder outputs, which may hold recordings and hours of results.
 clean:
 	rm -rf $(VENV) dist build .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

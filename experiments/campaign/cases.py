@@ -97,7 +97,7 @@ def planned(config: CampaignConfig, measured: bool) -> list[Case]:
     for kind in ("turntable_objects", "rail_objects", "rover_objects"):
         for name in getattr(config, kind):
             if name not in known:
-                raise ConfigError(f"{config.OPTION}.{kind}: unknown object {name!r}; choose {', '.join(known)}")
+                raise ConfigError(f"{config.KEY}.{kind}: unknown object {name!r}; choose {', '.join(known)}")
     cases = []
     for name in config.turntable_objects or list(usual):
         distances = config.reflector_distances_m if name == REFLECTOR else config.turntable_distances_m

@@ -86,11 +86,7 @@ METHODS = (
 
 
 def method(name: str) -> Method:
-    """Return a method by name: one of METHODS, or a simulator with its default settings.
-
-    Raises:
-        InputError: there is neither a method nor a simulator with this name, or a plug-in of this name clashes or cannot be loaded.
-    """
+    """Return a method by name: one of METHODS, or a simulator with its default settings. Raises InputError for an unknown name."""
     known = {entrant.name: entrant for entrant in METHODS}
     if name in known and name not in simulator_names(built_in=False):
         return known[name]
@@ -116,10 +112,7 @@ def published_seconds(
     radar: Radar,
     clock: Callable[[], float],
 ) -> float:
-    """Return the seconds per frame of RF-Genesis with its own signal generator: trace time plus the number of sums times a sum's time.
-
-    `sensor` (1, 4, 4) and the poses of `motion` hold a single frame.
-    """
+    """Return the seconds per frame of RF-Genesis with its own signal generator, from one frame: trace time plus the time of all sums."""
     began = clock()
     hits = rfgenesis.trace(scene, radar, sensor, motion, settings)
     traced = clock() - began

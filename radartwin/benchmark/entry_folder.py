@@ -1,7 +1,7 @@
 """Write and read a folder of signals, with which a method outside RadarTwin enters the benchmark (docs/benchmark.md).
 
-    FOLDER/method.json     name of the method; for each problem: file, SHA-256, frequency grid, shapes, seconds per frame
-    FOLDER/PROBLEM.npz     one complex array (S, N) per scenario: S frames with N samples. A problem with one scenario may be a .npy file
+    FOLDER/method.json     name of the method; for each problem: file, SHA-256, frequency grid, seconds per frame
+    FOLDER/PROBLEM.npz     one complex array (S, N) per scenario: S frames with N samples
 
 A folder may leave out problems, but not single scenarios of a problem.
 """
@@ -39,42 +39,36 @@ def frequency_grid(radar: Radar) -> dict[str, float | int]:
 def write(
     folder: str | Path, method: str, signals: Mapping[str, Signals], seconds_per_frame: Mapping[str, float], machine: str = ""
 ) -> Path:
-    """Write the signals of a method. All arguments are checked before the first file is written. The file method.json is written last.
+    """Write the signals of a method, the file method.json last. All arguments are checked before the first file is written.
 
     Args:
         signals: by problem and scenario, complex samples (S, N) in amplitude units.
         seconds_per_frame: by problem, wall seconds per frame of the method.
     Raises:
-        InputError: a problem or scenario is unknown or absent, or has a wrong shape, or a problem has no seconds per frame above 0, or the
-            name of the method or machine has other than printable characters.
+        InputError: a problem, a scenario, a shape, the seconds or the name of the method or machine is wrong.
         OutputError: the folder cannot be written.
     """
     _check_names(method, machine, str(folder))
-    folder, checked, seconds, entries = Path(folder), {}, {}, {}
+    folder, contents, entries = Path(folder), {}, {}
     for name, given in signals.items():
-        where = f"{method}: problem {name}"
-        checked[name] = _checked(frozen_problems.problem(name), {key: np.asarray(value) for key, value in given.items()}, where)
+        where, problem = f"{method}: problem {name}", frozen_problems.problem(name)
+        arrays = _checked(problem, {key: np.asarray(value) for key, value in given.items()}, where)
         if name not in seconds_per_frame:
             raise InputError(f"{where} has no entry in seconds_per_frame; give the wall seconds per frame of each problem")
-        seconds[name] = _checked_seconds(seconds_per_frame[name], where)
-    for name, arrays in checked.items():
-        radar = frozen_problems.problem(name).radar
-        content = frozen_problems.packed(arrays)
-        files.write_atomically(folder / f"{name}.npz", content)
-        entries[name] = {
-            "file": f"{name}.npz", "sha256": hashlib.sha256(content).hexdigest(), "frequencies": frequency_grid(radar),
-            "shapes": {key: list(value.shape) for key, value in arrays.items()}, "seconds_per_frame": seconds[name],
-        }  # fmt: skip
+        seconds = _checked_seconds(seconds_per_frame[name], where)
+        content = contents[f"{name}.npz"] = frozen_problems.packed(arrays)
+        digest, grid = hashlib.sha256(content).hexdigest(), frequency_grid(problem.radar)
+        entries[name] = {"file": f"{name}.npz", "sha256": digest, "frequencies": grid, "seconds_per_frame": seconds}
+    for name, content in contents.items():
+        files.write_atomically(folder / name, content)
     described = {"format": FORMAT, "method": method, "machine": machine, "answers_version": frozen_problems.version(), "problems": entries}
     files.write_atomically(folder / DESCRIPTION, json.dumps(described, indent=1) + "\n")
     return folder
 
 
 def read(folder: Path) -> tuple[dict[str, Any], dict[str, tuple[dict[str, np.ndarray], float]]]:
-    """Read a folder of signals.
+    """Return the content of method.json, and by problem the signals (S, N) of each scenario and the seconds per frame.
 
-    Returns:
-        The content of method.json, and by problem the signals (S, N) of each scenario and the seconds per frame.
     Raises:
         MissingError: a file is absent.
         InputError: a file is damaged, or has another version, checksum, frequency grid or shape than it must have.
@@ -94,9 +88,7 @@ def read(folder: Path) -> tuple[dict[str, Any], dict[str, tuple[dict[str, np.nda
 
 
 def _check_names(method: Any, machine: Any, where: str) -> None:
-    """Check that the names of a method and of its machine can be printed in a table: only printable characters, and a method name that is
-    not blank.
-    """
+    """Check that the names of a method and of its machine have only printable characters, and that the method has a name."""
     for key, text in (("method", method), ("machine", machine)):
         if not isinstance(text, str) or not text.isprintable():
             raise InputError(f"{where}: '{key}' must be a text of printable characters on one line")
@@ -119,21 +111,7 @@ def _problem(folder: Path, name: str, entry: Any) -> tuple[dict[str, np.ndarray]
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     if digest != entry.get("sha256"):
         raise InputError(f"{path} has the SHA-256 checksum {digest[:12]}..., not that of {where}; write the folder again")
-    arrays = _arrays(path, problem)
-    shapes = entry.get("shapes")
-    if shapes != {key: list(value.shape) for key, value in arrays.items()}:
-        raise InputError(f"{where}: 'shapes' differs from the arrays in {path.name}; {REMEDY}")
-    return _checked(problem, arrays, str(path)), seconds
-
-
-def _arrays(path: Path, problem: Problem) -> dict[str, np.ndarray]:
-    if path.suffix != ".npy":
-        return files.read_arrays(path)
-    if len(problem.scenarios) != 1:
-        raise InputError(
-            f"{path}: a .npy file holds one scenario, but problem {problem.name} has {len(problem.scenarios)}; give an .npz file"
-        )
-    return {problem.scenarios[0].name: files.read_array(path)}
+    return _checked(problem, files.read_arrays(path), str(path)), seconds
 
 
 def _check_frequencies(radar: Radar, given: Any, where: str) -> None:

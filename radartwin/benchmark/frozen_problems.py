@@ -96,9 +96,7 @@ def index(folder: Path = FOLDER) -> dict[str, Any]:
 
 
 def described(path: Path, expected: str, remedy: str) -> dict[str, Any]:
-    """Read a JSON object whose key `format` has the expected value. Raises MissingError or InputError with a message that ends with
-    `remedy`.
-    """
+    """Read a JSON object whose key `format` has the expected value. Errors are MissingError or InputError and end with `remedy`."""
     if not path.is_file():
         raise MissingError(f"{path}: no such file; {remedy}")
     try:
@@ -120,11 +118,7 @@ def names(folder: Path = FOLDER) -> list[str]:
 
 @cache
 def problem(name: str, folder: Path = FOLDER) -> Problem:
-    """Read one problem.
-
-    Raises:
-        InputError: the name is unknown, or the file does not have the checksum in answers.json.
-        MissingError: the file is absent.
+    """Read one problem. Raises InputError for an unknown name or a wrong checksum, and MissingError.
 
     >>> problem("near").scenarios[0].answer.shape
     (11, 256)
@@ -174,7 +168,7 @@ def _scenario(name: str, surfaces: list[dict[str, Any]], arrays: Mapping[str, Ar
 
 
 def packed(arrays: Mapping[str, Array]) -> bytes:
-    """Pack arrays into an .npz file, and return the bytes of the file. Equal arrays give equal bytes, because the entries carry no time."""
+    """Return the bytes of an .npz file. Equal arrays give equal bytes, because the entries carry no time."""
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, array in arrays.items():

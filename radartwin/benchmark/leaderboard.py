@@ -49,13 +49,11 @@ def row(method: str, problem: Problem, signals: Mapping[str, np.ndarray], second
 
 
 def benchmark(output: Path, methods: Sequence[str], problem_names: Sequence[str], say: Callable[[str], None]) -> tuple[Path, list[Row]]:
-    """Score methods, each a folder of signals or the name of a simulator, and write the leaderboard after each method.
+    """Score methods, write the leaderboard after each method, and return its path and its rows.
 
     Args:
-        methods: names or folders; an empty list means all of `entrants.METHODS`. If a name is both a known method and a folder, it means
-            the method; give the folder as ./NAME.
+        methods: names of simulators or folders of signals (./NAME if NAME is also a simulator); empty: all of `entrants.METHODS`.
         problem_names: an empty list means all. A folder is scored on those of these problems that it contains.
-    Returns: the path of the leaderboard and its rows.
     Raises:
         InputError, MissingError: a method or problem is unknown, or a folder is wrong. All arguments are checked before the first run.
         OutputError: the leaderboard cannot be written.
@@ -74,7 +72,7 @@ def benchmark(output: Path, methods: Sequence[str], problem_names: Sequence[str]
             stored = _read(path)  # again, because another run may have added rows while the method ran
             kept = [old for old in stored if (old["method"], old["problem"]) not in replaced] + rows
             kept = [old for old in kept if old["answers_version"] == frozen_problems.version()]
-            files.write_atomically(path, _text(kept))
+            files.write_atomically(path, files.csv_text(kept, COLUMNS))
     return path, kept
 
 
@@ -126,14 +124,6 @@ def _read(path: Path) -> list[Row]:
     if tuple(reader.fieldnames or ()) != COLUMNS:
         raise InputError(f"{path} has other columns than a leaderboard of this version; move the file or choose another --output")
     return list(reader)
-
-
-def _text(rows: Sequence[Row]) -> str:
-    out = io.StringIO()
-    writer: csv.DictWriter[str] = csv.DictWriter(out, COLUMNS, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return out.getvalue()
 
 
 def table(rows: Sequence[Row]) -> str:

@@ -40,7 +40,6 @@ PURPOSES = {
     },
     "This machine": {
         "doctor": "check this machine, or with --data a set of recordings",
-        "clean": "print the size of stored results, or delete them",
     },
 }
 
@@ -235,10 +234,6 @@ def _add_results(group: Verbs) -> None:
     doctor = _add(group, "doctor", verbs.doctor)
     doctor.add_argument("--data", metavar="FOLDER", type=Path, help="check this recording set instead and list all its faults")
     _output(doctor)
-
-    clean = _add(group, "clean", verbs.clean)
-    clean.add_argument("--cache", action="store_true", help="delete the stored results; the next run computes them again")
-    _output(clean)
 
 
 def _add(group: Verbs, name: str, function: Callable[[argparse.Namespace], int], resumes: bool = False) -> argparse.ArgumentParser:

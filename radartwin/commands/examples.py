@@ -127,10 +127,6 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("radartwin doctor", "this machine"),
         ("radartwin doctor --data measurements", "the faults and the content of a recording set"),
     ),
-    "clean": (
-        ("radartwin clean", "sizes of the products in outputs/cache"),
-        ("radartwin clean --cache", "delete them"),
-    ),
 }
 
 

@@ -7,7 +7,6 @@ MLflow in the same way as an experiment.
 from __future__ import annotations
 
 import argparse
-import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -29,7 +28,7 @@ from radartwin.recognize.own.model_card import CARD, FREE_SPACE, TrainedOn
 from radartwin.recognize.own.object_list import OwnObject, anchors, read_objects
 from radartwin.recognize.samples import Samples, gather
 from radartwin.runs import workers
-from radartwin.runs.artifacts import Record
+from radartwin.runs.run import tracked
 from radartwin.runs.tracking import Tracker
 from radartwin.store import products
 from radartwin.store.products import Product, Store
@@ -130,23 +129,14 @@ def fitted(
         [own_object.name, own_object.origin, own_object.material, own_object.size_m, own_object.description] for own_object in objects
     ]
     spec = {"recordings": dict(keys), "trained": trained, "training": training, "objects": described}
-    key = store.key(KIND, spec, ROOTS)
-    records: list[Record] = []
-    with contextlib.ExitStack() as tracked:
 
-        def track() -> None:
-            records.append(tracked.enter_context(tracker.run(TABLE, key, f"{len(objects)} objects", params(trained, objects))))
+    def build(folder: Path) -> None:
+        stored.write(folder, rows, training, objects, trained, {**asdict(trained), "recordings": dict(keys)})
 
-        def build(folder: Path) -> None:
-            track()
-            stored.write(folder, rows, training, objects, trained, {**asdict(trained), "recordings": dict(keys)})
-
-        product = store.fetch(KIND, spec, ROOTS, build)
-        if product.reused and not tracker.known(TABLE, key):  # trained with tracking=off, or tracked on another server
-            track()
-        for record in records:
-            record.metrics = metrics(stored.read_held_out(product), len(objects))
-            record.artifacts, record.inputs = sorted(product.path.iterdir()), {revolutions.COPIES: sorted(keys.values())}
+    shown = TABLE, f"{len(objects)} objects", params(trained, objects)
+    with tracked(tracker, store, (KIND, spec, ROOTS), build, *shown) as (product, record):
+        record.metrics = metrics(stored.read_held_out(product), len(objects))
+        record.artifacts, record.inputs = sorted(product.path.iterdir()), {revolutions.COPIES: sorted(keys.values())}
     return product
 
 

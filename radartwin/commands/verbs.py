@@ -234,12 +234,6 @@ def doctor(options: argparse.Namespace) -> int:
     return doctor_data(options.data) if options.data is not None else doctor(options.output)
 
 
-def clean(options: argparse.Namespace) -> int:
-    from radartwin.store.clean import clean
-
-    return clean(options.output, options.cache)
-
-
 def _capture(options: argparse.Namespace) -> dict[str, Any]:
     """Return the options that describe a capture as arguments of `radartwin.radar.captures.load_capture`."""
     from radartwin.builders.radar import named_radar

@@ -1,7 +1,7 @@
 """Define fields of the configuration dataclasses together with the check of each field's value.
 
-`positive(4)` is a dataclass field with the default 4. When `__post_init__` calls `check_fields`, a value that is not above zero raises
-ConfigError. The value null passes every check. radartwin/store/digest.py treats two kinds of fields specially when it computes the run key,
+`positive(4)` is a field of a `Checked` dataclass with the default 4. A value that is not above zero raises ConfigError. The value null
+passes every check. radartwin/store/digest.py treats two kinds of fields specially when it computes the run key,
 the digest that identifies a run's result. For a `path_name` field, the content of the named file enters the run key. An `unkeyed` field
 does not enter the run key, because it only influences where or how a run computes, and not the run's result.
 """
@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from dataclasses import Field, field, fields
-from typing import Any
+from dataclasses import Field, dataclass, field, fields
+from typing import Any, ClassVar
 
 from radartwin.errors import ConfigError
 
@@ -97,20 +97,25 @@ def unkeyed(default: Any) -> Any:
     return field(default=default, metadata={"unkeyed": True})
 
 
-def check_fields(config: Any, prefix: str = "") -> None:
-    """Check every field of a dataclass. `prefix` is the dataclass's key in the configuration, such as "supervision.encoder"."""
-    for entry in fields(config):
-        if (check := entry.metadata.get("check")) and (value := getattr(config, entry.name)) is not None:
-            check(f"{prefix}.{entry.name}".lstrip("."), value)
+@dataclass
+class Checked:
+    """Base of the configuration dataclasses, which checks the value of every field."""
 
+    KEY: ClassVar[str] = ""  # key of the dataclass in the configuration, such as "supervision.encoder"
+    SELECTOR: ClassVar[str] = ""  # field that names the selected option, such as `backend`; it has one of NAMES, or its default
+    NAMES: ClassVar[tuple[str, ...]] = ()
 
-def check_selector(key: str, value: str, *names: str) -> None:
-    """Check that a field that names the selected option, such as simulator.backend, has one of the `names` of its dataclass."""
-    group = key.partition(".")[0]
-    if not names[0]:
-        raise ConfigError(f"{group}: the file of this option names no schema; begin it with 'defaults: [schema_{value or 'NAME'}]'")
-    if value not in names:
-        raise ConfigError(f"{key}={value} contradicts {group}={names[0]}; choose {group}={value}, or leave {key} out")
+    def __post_init__(self) -> None:
+        if self.SELECTOR:
+            group, value, names = self.KEY, getattr(self, self.SELECTOR), self.NAMES or (getattr(type(self), self.SELECTOR),)
+            if not names[0]:
+                raise ConfigError(f"{group}: the file of this option names no schema; begin it with 'defaults: [schema_{value or 'NAME'}]'")
+            if value not in names:
+                contradicts = f"{group}.{self.SELECTOR}={value} contradicts {group}={names[0]}"
+                raise ConfigError(f"{contradicts}; choose {group}={value}, or leave {group}.{self.SELECTOR} out")
+        for entry in fields(self):
+            if (check := entry.metadata.get("check")) and (value := getattr(self, entry.name)) is not None:
+                check(f"{self.KEY}.{entry.name}".lstrip("."), value)
 
 
 def _field(default: Any, check: Callable[[str, Any], None]) -> Any:

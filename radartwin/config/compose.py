@@ -37,39 +37,27 @@ def conf_dir() -> Path:
 
 
 def groups() -> dict[str, list[str]]:
-    """Return the option names of each configuration group that the package contains: {"scene": ["empty", "lab", ...], ...}.
-
-    Options of plug-ins are not included; see `plugins.names`.
-    """
+    """Return the built-in option names of each configuration group: {"scene": ["empty", "lab", ...], ...}."""
     folders = sorted(d for d in conf_dir().iterdir() if d.is_dir() and d.name != "hydra")
     return {d.name: sorted(f.stem for f in d.glob("*.yaml")) for d in folders}
 
 
 def compose(overrides: Sequence[str] = (), config_dirs: Sequence[Path] = ()) -> Config:
-    """Compose the configuration of a run from overrides such as ["experiment=environment", "seed=1"].
+    """Compose the configuration of a run from overrides such as ["experiment=environment", "seed=1"]. Raises ConfigError.
 
-    Args:
-        overrides: command-line overrides KEY=VALUE or GROUP=OPTION.
-        config_dirs: further folders with option files (`--config-dir`).
-    Raises:
-        ConfigError: an override has a wrong key, option, type or combination.
+    config_dirs: further folders with option files (`--config-dir`).
     """
     return Composer(config_dirs).compose(overrides)
 
 
 class Composer:
-    """Composes many configurations from the same configuration folders.
-
-    Hydra needs 0.1 s to read the option files for one combination of options, so the files are read once per combination. Values such as
-    `seed=1` are then set without reading the files again.
-    """
+    """Composes many configurations. The option files of a combination of options are read once, because this takes 0.1 s."""
 
     def __init__(self, config_dirs: Sequence[Path] = ()) -> None:
         self._search_path = _search_path(config_dirs)
         self._cache: dict[tuple[str, ...], DictConfig] = {}
 
     def compose(self, overrides: Sequence[str]) -> Config:
-        """Compose one configuration from overrides, as the function `compose` of this module does."""
         from omegaconf import OmegaConf, open_dict
 
         overrides = quoted(overrides)
@@ -110,9 +98,7 @@ class Composer:
 
 
 def _with_plugins(read: Callable[[], DictConfig]) -> DictConfig:
-    """Call `read`. If an option is missing and a plug-in provides it, register the option and call `read` again. At the end, check that no
-    chosen option is both a built-in option and a plug-in.
-    """
+    """Call `read`, and register missing options that plug-ins provide. Check that no chosen option is both built in and a plug-in."""
     from hydra.errors import MissingConfigException
 
     from radartwin.config import plugged
@@ -138,11 +124,7 @@ def parse_overrides(overrides: Sequence[str]) -> list[Override]:
 
 
 def combinations(overrides: Sequence[str]) -> list[list[str]]:
-    """Return the overrides of each job of a sweep; for example, seed=0,1 and materials=vlm,void give four jobs.
-
-    Raises:
-        ConfigError: Hydra's grammar cannot parse an override.
-    """
+    """Return the overrides of each job of a sweep; seed=0,1 and materials=vlm,void give four jobs. Raises ConfigError."""
     choices: dict[str, list[str]] = {}
     with _one_line_errors():
         for override in _parse(quoted(overrides)):
@@ -174,8 +156,7 @@ def quoted(overrides: Sequence[str]) -> list[str]:
 
 
 def refuse_unread(verb: str, overrides: Sequence[str], reads: Sequence[str], set_by: Mapping[str, str] | None = None) -> list[str]:
-    """Return the keys of overrides. Raise ConfigError for a key of a group of the configuration that the verb does not read. (`compose`
-    refuses keys of unknown groups.)
+    """Return the keys of overrides. Raise ConfigError for a key of a group that the verb does not read (`compose` refuses unknown groups).
 
     set_by: {key: argument} of keys that the verb sets from another argument.
     """
@@ -196,10 +177,7 @@ def path_override(key: str, path: str | Path) -> str:
 
 
 def _quoted_path(path: str | Path) -> str:
-    """Quote a path for Hydra.
-
-    OmegaConf halves the number of backslashes before ${. Hydra halves the number of backslashes before a quote and at the end of the path.
-    """
+    """Quote a path for OmegaConf, which halves backslashes before ${, and for Hydra, which halves them before a quote and at the end."""
     text = re.sub(r"(\\*)\$\{", lambda match: match.group(1) * 2 + "\\${", str(path))
     text = re.sub(r"(\\+)(?='|$)", lambda match: match.group(1) * 2, text).replace("'", "\\'")
     return f"'{text}'"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from radartwin.config.checked_fields import MISSING, check_fields, choice, not_negative, unkeyed
+from radartwin.config.checked_fields import MISSING, Checked, choice, not_negative, unkeyed
 from radartwin.config.materials import (
     MaterialsConfig,
     RandomMaterials,
@@ -71,7 +71,7 @@ SCHEMAS: dict[str, dict[str, type]] = {
 
 
 @dataclass
-class Config:
+class Config(Checked):
     """The configuration of a run: settings that influence its result, and where and how the run computes (`tracking`, `output`, `jobs`)."""
 
     scene: SceneConfig = MISSING
@@ -91,7 +91,7 @@ class Config:
     jobs: int = unkeyed(not_negative(0))  # number of worker processes; 0 starts as many as processor cores and memory allow
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        super().__post_init__()
         campaign, draw = self.profile.campaign, self.measured.draw
         first, last = campaign.first_draw, campaign.first_draw + max(campaign.draws, campaign.rover_draws) - 1
         if draw is not None and not first <= draw <= last:

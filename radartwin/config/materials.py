@@ -8,19 +8,16 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
-from radartwin.config.checked_fields import check_fields, check_selector, share
+from radartwin.config.checked_fields import Checked, share
 
 
 @dataclass
-class MaterialsConfig:
+class MaterialsConfig(Checked):
     """Settings that every source of surface materials reads."""
 
+    KEY, SELECTOR = "materials", "source"
     seeded: ClassVar[bool] = False  # whether the source takes the configured seed
     source: str = ""
-
-    def __post_init__(self) -> None:
-        check_selector("materials.source", self.source, type(self).source)
-        check_fields(self, "materials")
 
     def arguments(self, seed: int) -> dict[str, Any]:
         """Return the arguments, except its name, with which `radartwin.label.material_sources.material_source` makes this source."""

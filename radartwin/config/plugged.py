@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from radartwin import plugins
+from radartwin.config.checked_fields import Checked
 from radartwin.config.config import SCHEMAS
 from radartwin.config.materials import MaterialsConfig
 from radartwin.config.simulator import SimulatorConfig
@@ -27,45 +28,33 @@ GROUPS = {"simulator": SIMULATORS, "materials": MATERIALS, "features": FEATURES,
 _SCALARS = (int, float, str, bool)
 
 
-def _check_code(config: Any, group: str) -> None:
-    if config.code != type(config).code:
-        raise ConfigError(f"{group}.code is the digest of the plug-in's source code and cannot be set; leave it out")
-
-
 @dataclasses.dataclass
-class PluginSimulator(SimulatorConfig):
-    """Base of the options of simulators in other packages."""
+class _Plugged(Checked):
+    """Base of the options of plug-ins."""
 
     code: str = ""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_code(self, "simulator")
+        if self.code != type(self).code:
+            raise ConfigError(f"{self.KEY}.code is the digest of the plug-in's source code and cannot be set; leave it out")
+
+
+@dataclasses.dataclass
+class PluginSimulator(_Plugged, SimulatorConfig):
+    """Base of the options of simulators in other packages."""
 
     def settings(self) -> dict[str, Any]:
         return {name: value for name, value in super().settings().items() if name != "code"}
 
 
 @dataclasses.dataclass
-class PluginMaterials(MaterialsConfig):
+class PluginMaterials(_Plugged, MaterialsConfig):
     """Base of the options of material sources in other packages. A field `seed` of the source takes the configured seed."""
-
-    code: str = ""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _check_code(self, "materials")
 
 
 def register(config_file: str) -> bool:
-    """Add the option of a plug-in to Hydra's ConfigStore.
-
-    Args:
-        config_file: GROUP/OPTION, as Hydra names a missing option.
-    Returns: whether a plug-in has this name.
-    Raises:
-        PluginError: the plug-in cannot be used.
-    """
+    """Add the option of a plug-in, GROUP/OPTION, to Hydra's ConfigStore. Return whether a plug-in has this name. Raises PluginError."""
     from hydra.core.config_store import ConfigStore
 
     group, _, option = config_file.removesuffix(".yaml").rpartition("/")
@@ -73,13 +62,12 @@ def register(config_file: str) -> bool:
     if plugin is None:
         return False
     if group == "experiment":
-        ConfigStore.instance().store(group=group, name=option, node=_experiment(plugin), package="_global_")
+        node: Any = _experiment(plugin)
     elif group == "features":
-        ConfigStore.instance().store(group=group, name=option, node=_features(plugin))
+        node = FeaturesConfig(name=plugin.name, code=code_of(plugin))
     else:
-        schema = _schema(plugin)
-        SCHEMAS[group][option] = schema
-        ConfigStore.instance().store(group=group, name=option, node=schema)
+        node = SCHEMAS[group][option] = _schema(plugin)
+    ConfigStore.instance().store(group=group, name=option, node=node, package="_global_" if group == "experiment" else None)
     return True
 
 
@@ -115,13 +103,14 @@ def _schema(plugin: Plugin) -> type:
     hints = typing.get_type_hints(owner)
     settings = []
     for field in dataclasses.fields(owner):
-        if field.name == "variant" and base is PluginSimulator:
-            continue  # every simulator has this key
-        if field.name == "seed" and base is PluginMaterials:
-            continue
+        if (field.name, base) in (("variant", PluginSimulator), ("seed", PluginMaterials)):
+            continue  # every simulator has the key `variant`, and a source takes the configured seed
         if field.name in inherited:
             raise plugins.refusal(plugin, f"the setting '{field.name}' has the name of a key that every option has")
-        settings.append((field.name, _typed(plugin, field.name, hints[field.name]), _default(plugin, field)))
+        if field.default is field.default_factory is dataclasses.MISSING:
+            raise plugins.refusal(plugin, f"the setting '{field.name}' needs a default value")
+        default = dataclasses.field(default=field.default, default_factory=field.default_factory)  # type: ignore[call-overload]
+        settings.append((field.name, _typed(plugin, field.name, hints[field.name]), default))
     settings += [(selector, str, plugin.name), ("code", str, code_of(plugin))]
     namespace = {"__doc__": f"The option of {plugin}.", "seeded": "seed" in hints, "__reduce__": functools.partialmethod(_pickled, plugin)}
     made = dataclasses.make_dataclass(f"Plugged_{plugin.name}", settings, bases=(base,), namespace=namespace)
@@ -148,18 +137,6 @@ def _typed(plugin: Plugin, name: str, hint: Any) -> Any:
     if kind is None or item not in _SCALARS:
         raise plugins.refusal(plugin, f"the setting '{name}' must be int, float, str, bool, a list of these, or one of these with None")
     return kind if len(options) == 1 else kind | None
-
-
-def _default(plugin: Plugin, field: dataclasses.Field) -> Any:
-    if field.default_factory is not dataclasses.MISSING:
-        return dataclasses.field(default_factory=field.default_factory)
-    if field.default is dataclasses.MISSING:
-        raise plugins.refusal(plugin, f"the setting '{field.name}' needs a default value")
-    return dataclasses.field(default=field.default)
-
-
-def _features(plugin: Plugin) -> FeaturesConfig:
-    return FeaturesConfig(name=plugin.name, code=code_of(plugin))
 
 
 def _experiment(plugin: Plugin) -> dict[str, Any]:

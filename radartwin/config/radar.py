@@ -5,18 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any
 
-from radartwin.config.checked_fields import check_fields, choice, path_name
+from radartwin.config.checked_fields import Checked, choice, path_name
 from radartwin.errors import ConfigError
 
 
 @dataclass
-class RadarConfig:
+class RadarConfig(Checked):
     """Fields of `radartwin.Radar`, or the radar description file with their values. A null field takes its value from the board or the
     file.
 
     Antenna positions are in metres, with x forward, y left and z up.
     """
 
+    KEY = "radar"
     name: str = "iwr1843"
     file: str | None = path_name()  # radar description: mmWave SDK .cfg, mmWave Studio .mmwave.json, or .yaml
     array: str | None = path_name()  # table of the antennas, .csv or .yaml (radartwin/radar/array_table.py), in place of the positions
@@ -35,7 +36,7 @@ class RadarConfig:
     real_sampling: bool | None = None
 
     def __post_init__(self) -> None:
-        check_fields(self, "radar")
+        super().__post_init__()
         if self.name == "file" and not self.file:
             raise ConfigError("radar=file needs the file: add radar.file=FILE.cfg or FILE.mmwave.json")
         if self.name != "file" and self.file:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from radartwin.config.checked_fields import check_fields, check_selector, choice, path_name, positive, triple
+from radartwin.config.checked_fields import Checked, choice, path_name, positive, triple
 from radartwin.errors import ConfigError
 
 ROOMS = ("lab", "atrium", "squash_court")
@@ -13,9 +13,10 @@ SHAPES = ("corner_reflector", "plate", "sphere", "none")
 
 
 @dataclass
-class SceneConfig:
+class SceneConfig(Checked):
     """Settings that every scene reads. A scene without a room has only these settings."""
 
+    KEY, SELECTOR = "scene", "name"
     NAMES: ClassVar[tuple[str, ...]] = ("empty", "void", "plate", *ROOMS)
     name: str = "empty"
     target: str = "corner_reflector"  # corner_reflector | plate | sphere | none | a name in the object catalogue, such as mug
@@ -26,8 +27,7 @@ class SceneConfig:
     sentence: str | None = None  # objects in the room in words: "a mug on the table 1.5 m in front of the door"
 
     def __post_init__(self) -> None:
-        check_selector("scene.name", self.name, *self.NAMES)
-        check_fields(self, "scene")
+        super().__post_init__()
         self._check_target()
         if self.layout and self.sentence:
             raise ConfigError("scene.layout and scene.sentence both place objects; give one of them")

@@ -5,20 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any
 
-from radartwin.config.checked_fields import check_fields, check_selector, choice, number, positive, share, unkeyed
+from radartwin.config.checked_fields import Checked, choice, number, positive, share, unkeyed
 
 
 @dataclass
-class SimulatorConfig:
+class SimulatorConfig(Checked):
     """Settings that every simulator reads."""
 
+    KEY, SELECTOR = "simulator", "backend"
     backend: str = ""
     variant: str = unkeyed(choice("auto", "llvm", "cuda"))  # processor (llvm) or GPU (cuda); both trace the same rays
     elements: str = choice("exact", "planar")  # exact: distance to each antenna element | planar: plane wave over the array
-
-    def __post_init__(self) -> None:
-        check_selector("simulator.backend", self.backend, type(self).backend)
-        check_fields(self, "simulator")
 
     def settings(self) -> dict[str, Any]:
         """Return the fields of this dataclass as the settings of the simulator backend."""

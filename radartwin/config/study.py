@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
-from radartwin.config.checked_fields import check_fields, check_selector, choice, not_negative, number, path_name, positive, url
+from radartwin.config.checked_fields import Checked, choice, not_negative, number, path_name, positive, url
 from radartwin.config.scene import ROOMS
 from radartwin.errors import ConfigError
 from radartwin.features.sets import families
@@ -16,23 +16,20 @@ MOST_STRENGTH = 4.0  # twice the largest strength of any table; nothing beyond i
 
 
 def strength(source: str, default: float = 1.0, most: float = MOST_STRENGTH) -> Any:
-    """Define the strength of a gap or of a randomisation, from 0 to `most`.
-
-    `source` names the publication or data sheet that gives the size at strength 1, or says that the size is an order of magnitude.
-    """
+    """Define the strength of a gap or of a randomisation, from 0 to `most`. `source` gives the size at strength 1."""
     setting = number(default, lambda value: 0 <= value <= most, f"from 0 to {most:g}")
     return field(default=setting.default, metadata={**setting.metadata, "source": source})
 
 
 @dataclass
-class _Strengths:
+class _Strengths(Checked):
     """Base of the settings whose fields are strengths. A field without a source raises ConfigError."""
 
-    def check(self, where: str) -> None:
+    def __post_init__(self) -> None:
         for name, source in self.sources().items():
             if not source:
-                raise ConfigError(f"{where}.{name} has no source; state it in {_STUDY} before any table is scored")
-        check_fields(self, where)
+                raise ConfigError(f"{self.KEY}.{name} has no source; state it in {_STUDY} before any table is scored")
+        super().__post_init__()
 
     def sources(self) -> dict[str, str]:
         """Return the source of the size of each field at strength 1."""
@@ -41,60 +38,36 @@ class _Strengths:
 
 @dataclass
 class GapConfig(_Strengths):
-    """Strength of each error source that the virtual measurements (simulated stand-in for real measurements) have and the simulation under
-    test does not have.
+    """Strength of each error that the virtual measurements have and the simulation under test does not have (docs/concepts.md).
 
-    Strength 0 switches the error source off. At strength 1, the error has the size that its source gives, and at strength 2 twice this
-    size. The module named beside a field states the size of the error at strength 1 in full. A field without a source raises ConfigError.
+    Strength 0 switches the error off. At strength 1, it has the size that its source gives, and at strength 2 twice this size.
     """
 
-    # errors of the scan that gives the simulated room's geometry (radartwin/testbed/scanner)
+    KEY = "measured.gap"
     geometry: float = strength("phone LiDAR: Luetzenburg 2021, Teo 2023, Kim 2022, and 24 frames of a real scan")
-    # errors of layer thickness and permittivity (radartwin/testbed/variation.py)
     materials: float = strength("EN 520; spread between rows of ITU-R P.2040-4")
-    # errors of the height of surface roughness (radartwin/testbed/variation.py)
     roughness: float = strength("spread of published heights; EN 572-2 and EN 14411 for glass and glaze")
-    # errors of the liquids and fill levels in vessels (radartwin/testbed/variation.py)
     contents: float = strength("uncertainty of the recipes of liquids; empty height of bottles: order of magnitude")
-    # errors of the target's shape (radartwin/testbed/object_shape.py)
     object_shape: float = strength("cans: tolerances of Can Manufacturers Institute and Hudson Technologies; others: order of magnitude")
-    # errors of the target's walls and permittivity (radartwin/testbed/variation.py)
     object_material: float = strength("spread between rows of ITU-R P.2040-4; thickness of walls: order of magnitude")
-    # a person who stands in the room (radartwin/testbed/bystander.py)
     person: float = strength("sway: Abrahamova 2008, order of magnitude; body measures")
-    # small objects and equipment missing in the simulation (radartwin/testbed/fixtures.py)
     clutter: float = strength("ordinary equipment: order of magnitude; drift: thermal expansion")
-    # errors of the antenna patterns (radartwin/radar/antenna_errors.py)
     antenna: float = strength("side lobes: Wang 2018; back lobe and ripple: diffraction at an edge, order of magnitude")
-    # errors of the radar hardware (radartwin/radar/hardware.py)
     hardware: float = strength("data sheets AWR1243, IWR1443 and AWR2944P; two public captures")
-    # errors of rover motion, turntable and frame times (radartwin/testbed/motion_errors.py)
     trajectory: float = strength("odometry: Borenstein 1996; turntable and rail: order of magnitude")
-    # errors of the target's position (radartwin/testbed/motion_errors.py)
     placement: float = strength("a tape read to half a centimetre: order of magnitude")
-    # above 0: the testbed traces more rays and one more reflection (radartwin/testbed/testbed.py)
     solver: float = strength("four times the tubes and one more bounce: order of magnitude")
-    # energy of static echoes that the scan does not know, over that of the room (radartwin/testbed/unscanned.py); off by default
     unscanned_echoes: float = strength("clutter from fixtures without a model, named by the paper: order of magnitude", 0.0, 5.0)
-
-    def __post_init__(self) -> None:
-        self.check("measured.gap")
 
 
 @dataclass
-class MeasuredConfig:
-    """The measured recordings that simulations are compared with.
+class MeasuredConfig(Checked):
+    """The measured recordings that simulations are compared with, here those of the virtual measurement campaign (testbed)."""
 
-    This option takes the measured recordings from the virtual measurement campaign (testbed).
-    """
-
+    KEY, SELECTOR = "measured", "provider"
     provider: str = "testbed"
     gap: GapConfig = field(default_factory=GapConfig)
     draw: int | None = not_negative(None)  # number of one draw of the virtual campaign, from 0; null stands for all draws of the profile
-
-    def __post_init__(self) -> None:
-        check_selector("measured.provider", self.provider, type(self).provider)
-        check_fields(self, "measured")
 
 
 @dataclass
@@ -131,9 +104,10 @@ class FeaturesConfig:
 
 
 @dataclass
-class EncoderConfig:
+class EncoderConfig(Checked):
     """Settings of the contrastive encoder. radartwin/recognize/encoder.py describes each setting and the source of its default value."""
 
+    KEY = "supervision.encoder"
     hidden: int = positive(128)
     temperature: float = positive(0.07)
     epochs: int = positive(100)  # maximum number of training epochs
@@ -143,18 +117,12 @@ class EncoderConfig:
     weight_decay: float = not_negative(1e-4)
     paired: float = not_negative(0.0)  # few_shot: loss weight for matching simulated and measured rows of one object and condition
 
-    def __post_init__(self) -> None:
-        check_fields(self, "supervision.encoder")
-
 
 @dataclass
 class RandomiseConfig(_Strengths):
-    """Strength of the randomisation of each quantity in the copies of simulated turntable recordings (domain randomisation).
+    """Strength of the randomisation of each quantity in the copies of simulated turntable recordings (radartwin/recognize/randomise.py)."""
 
-    Strength 0 keeps the quantity nominal, and strength 1 draws it from the range of its source. radartwin/recognize/randomise.py states
-    the ranges.
-    """
-
+    KEY = "supervision.randomise"
     wobble: float = strength("half a degree of tilt: order of magnitude")
     eccentricity: float = strength("an object centred by eye to 5 mm: order of magnitude")
     start: float = strength("no mark of the start angle: any angle")
@@ -167,14 +135,12 @@ class RandomiseConfig(_Strengths):
     wall: float = strength("spread between rows of ITU-R P.2040-4; thickness of walls: order of magnitude")
     mesh: float = strength("ISO 2768-1, class m")
 
-    def __post_init__(self) -> None:
-        self.check("supervision.randomise")
-
 
 @dataclass
-class SupervisionConfig:
+class SupervisionConfig(Checked):
     """The measured recordings that the training of a classifier may use, and the settings of the training."""
 
+    KEY = "supervision"
     mode: str = choice("label_free", "calibrated", "few_shot")  # measured data in training: none | one reflector | some labelled recordings
     shots: int = 0  # number of labelled measured recordings per class that training uses in mode few_shot
     seeds: int = positive(5)  # number of trainings with different random seeds whose results are averaged
@@ -185,7 +151,7 @@ class SupervisionConfig:
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
 
     def __post_init__(self) -> None:
-        check_fields(self, "supervision")
+        super().__post_init__()
         if self.mode == "few_shot":
             if self.shots < 1:
                 raise ConfigError(f"supervision=few_shot needs supervision.shots of at least 1, not {self.shots}")
@@ -198,13 +164,10 @@ class SupervisionConfig:
 
 
 @dataclass
-class CampaignConfig:
-    """The recordings that the result tables share.
+class CampaignConfig(Checked):
+    """The recordings that the result tables share. An empty list of objects means the whole catalogue, or all of the rover study."""
 
-    An empty list of objects means the whole catalogue, or all objects of the rover study.
-    """
-
-    OPTION: ClassVar[str] = "profile.campaign"
+    KEY = "profile.campaign"
     turntable_objects: list[str] = field(default_factory=list)
     turntable_room: str = "lab"  # room of the turntable; "void" has none, and no scan
     turntable_distances_m: list[float] = positive([1.0])
@@ -227,31 +190,26 @@ class CampaignConfig:
     rover_every: int = positive(4)  # a recording of a rover drive contains every n-th frame; its features need 13 frames
 
     def __post_init__(self) -> None:
-        check_fields(self, self.OPTION)
+        super().__post_init__()
         for room in self.rover_rooms:
             if room not in ROOMS:
-                raise ConfigError(f"{self.OPTION}.rover_rooms={room} is not known; options: {', '.join(ROOMS)}")
+                raise ConfigError(f"{self.KEY}.rover_rooms={room} is not known; options: {', '.join(ROOMS)}")
 
 
 @dataclass
 class StrengthCampaignConfig(CampaignConfig):
-    """The recordings at which the table `headline` compares strengths of the gaps: the campaign of the quick profile with more draws,
-    objects and distances, because some claims need two recordings of each object or more than six objects. `profile.campaign` does not
-    change it.
-    """
+    """The recordings at which the table `headline` compares strengths of the gaps; some claims need more objects than the quick profile."""
 
-    OPTION: ClassVar[str] = "profile.strength_campaign"
+    KEY = "profile.strength_campaign"
     turntable_distances_m: list[float] = positive([1.0, 1.5])
     rover_objects: list[str] = field(default_factory=list)
 
 
 @dataclass
 class ObjectsCampaignConfig(CampaignConfig):
-    """The recordings of the table `many_objects`: the assortment of objects on a turntable without a room. `turntable_objects` is ignored.
-    `profile.campaign` does not change it.
-    """
+    """The recordings of the table `many_objects`: the assortment on a turntable without a room. `turntable_objects` is ignored."""
 
-    OPTION: ClassVar[str] = "profile.objects_campaign"
+    KEY = "profile.objects_campaign"
     turntable_room: str = "void"
     turntable_distances_m: list[float] = positive([0.75, 1.0, 1.25, 1.5])
     draws: int = positive(1)
@@ -259,12 +217,10 @@ class ObjectsCampaignConfig(CampaignConfig):
 
 
 @dataclass
-class ProfileConfig:
-    """The amount of computation.
+class ProfileConfig(Checked):
+    """The amount of computation: `quick` takes minutes on two cores, and `paper` computes the tables of the paper's size."""
 
-    `quick` computes every table on two cores in minutes; `paper` computes the tables of the paper's size.
-    """
-
+    KEY = "profile"
     name: str = choice("quick", "paper")
     repeats: int = positive(3)  # number of radar positions in each room at which simulators are compared
     resamples: int = positive(1000)  # bootstrap samples for confidence intervals; slow statistics of drives use at most 300
@@ -281,7 +237,7 @@ class ProfileConfig:
     objects_campaign: ObjectsCampaignConfig = field(default_factory=ObjectsCampaignConfig)
 
     def __post_init__(self) -> None:
-        check_fields(self, "profile")
+        super().__post_init__()
         known = [entry.name for entry in fields(RandomiseConfig)]
         for name in self.left_out:
             if name not in known:
@@ -289,25 +245,25 @@ class ProfileConfig:
 
 
 @dataclass
-class TrackingConfig:
+class TrackingConfig(Checked):
     """Where MLflow tracks runs: on the MLflow server `uri`, or in an SQLite database in the output folder."""
 
+    KEY = "tracking"
     backend: str = choice("mlflow", "off")
     uri: str | None = url("set MLFLOW_TRACKING_USERNAME and MLFLOW_TRACKING_PASSWORD instead")
     parent_run_id: str | None = None  # MLflow id of the sweep's parent run, which the sweep sets for its jobs
 
     def __post_init__(self) -> None:
-        check_fields(self, "tracking")
+        super().__post_init__()
         if self.backend == "off" and self.uri:
             raise ConfigError(f"tracking=off contradicts tracking.uri={self.uri}; use tracking=mlflow")
 
 
 @dataclass
-class ExperimentConfig:
-    """The result table to compute, which the runner calls an experiment. The module of an experiment names the options that it reads in
-    READS, except `name` and `module`.
-    """
+class ExperimentConfig(Checked):
+    """The result table to compute. The module of an experiment names the options that it reads in READS, except `name` and `module`."""
 
+    KEY = "experiment"
     name: str | None = None
     module: str | None = None  # name of the Python module of an experiment outside the folder experiments/
     distances_m: list[float] = positive([])
@@ -316,7 +272,7 @@ class ExperimentConfig:
     parts: int = positive(1)  # number of parts of the campaign
 
     def __post_init__(self) -> None:
-        check_fields(self, "experiment")
+        super().__post_init__()
         if self.part >= self.parts:
             raise ConfigError(
                 f"experiment.part={self.part} does not exist; parts are 0 to {self.parts - 1} (experiment.parts={self.parts})"

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from radartwin.config.checked_fields import check_fields, check_selector, choice, finite, not_negative, path_name, positive, triple
+from radartwin.config.checked_fields import Checked, choice, finite, not_negative, path_name, positive, triple
 from radartwin.errors import ConfigError
 
 
 @dataclass
-class TrajectoryConfig:
+class TrajectoryConfig(Checked):
     """Settings that every kind of motion reads."""
 
+    KEY, SELECTOR = "trajectory", "kind"
     kind: str = ""
     distance_m: float = positive(1.0)  # distance from the radar to the target's vertical axis at the start, in metres
     height_m: float = positive(1.0)  # height of the radar above the floor, used if neither position_m nor a pose file gives it
     frames: int | None = positive(None)  # number of simulated frames; null simulates all frames of the motion
-
-    def __post_init__(self) -> None:
-        check_selector("trajectory.kind", self.kind, type(self).kind)
-        check_fields(self, "trajectory")
 
 
 @dataclass

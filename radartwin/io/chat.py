@@ -29,9 +29,7 @@ LONGEST_PAUSE_S = 120.0
 
 
 class NoAnswerInTime(BackendError):
-    """Raised if every try of a request timed out. After this error, later requests may still succeed; after any other error, later requests
-    would fail too.
-    """
+    """Raised if every try of a request timed out. Later requests may still succeed, unlike after any other error."""
 
 
 @dataclass
@@ -85,9 +83,7 @@ class Endpoint:
 
     @property
     def _secret(self) -> str:
-        """Return the API key, or "" if there is none. Raises ConfigError for a key that cannot be sent; the message does not contain the
-        key.
-        """
+        """Return the API key, or "" if there is none. Raises ConfigError, without the key, for a key that cannot be sent."""
         key = (self.key if self.key is not None else os.environ.get(self.key_variable, "")).strip()
         if not (key.isascii() and key.isprintable()):
             raise ConfigError(f"{self.key_variable} holds characters that no key has; copy the key again")
@@ -161,9 +157,7 @@ class Endpoint:
 
 
 def _retry_after(response: httpx.Response, otherwise: float) -> float:
-    """Return the waiting time in seconds from the Retry-After header (a number or a date), or `otherwise` if the response has no such
-    header.
-    """
+    """Return the waiting time in seconds from the Retry-After header (a number or a date), or `otherwise`."""
     header = response.headers.get("retry-after", "").strip()
     with contextlib.suppress(ValueError):
         return max(0.0, float(header))

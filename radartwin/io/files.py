@@ -7,14 +7,16 @@ absent, even if the process is killed.
 from __future__ import annotations
 
 import contextlib
+import csv
+import io
 import math
 import os
 import re
 import shutil
 import socket
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Any
 
 from filelock import BaseFileLock, FileLock, Timeout
 
@@ -30,11 +32,7 @@ _UNFINISHED = re.compile(rf"\..+\.radartwin-(?:(.+)-)?(\d{{1,9}}){re.escape(TEMP
 
 
 def check_folder(folder: Path) -> Path:
-    """Check that a folder can be created or written, without creating it. Commands call this function before long work starts.
-
-    Raises:
-        OutputError: a file has the name of the folder or of one of its parents, or the folder cannot be written.
-    """
+    """Check that a folder can be created or written, without creating it, before long work starts. Raises OutputError if it cannot."""
     existing = Path(folder).absolute()
     while not existing.exists():
         existing = existing.parent
@@ -61,11 +59,7 @@ def unfinished(path: Path) -> Path:
 
 
 def write_atomically(path: Path, content: bytes | str) -> Path:
-    """Write a file so that after any failure the file has either its old or its complete new content.
-
-    Raises:
-        OutputError: the folder cannot be created or written. No temporary file remains.
-    """
+    """Write a file so that after any failure it has either its old or its complete new content. Raises OutputError, see `replacing`."""
     with replacing(path) as stream:
         stream.write(content.encode() if isinstance(content, str) else content)
     return path
@@ -119,12 +113,7 @@ def replacing_together(paths: Sequence[Path]) -> Iterator[dict[Path, Path]]:
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
-    """Read the arrays of an .npz file into a dictionary by array name, without unpickling Python objects.
-
-    Raises:
-        InputError: the content is not an .npz archive, holds Python objects, or declares arrays much larger than the archive.
-        OSError: the file cannot be read.
-    """
+    """Read the arrays of an .npz file by name, without Python objects. Raises InputError for a damaged or inflated archive, and OSError."""
     import zipfile
     import zlib
 
@@ -145,12 +134,7 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
 
 
 def read_array(path: Path) -> np.ndarray:
-    """Map the array of a .npy file into memory, without unpickling Python objects.
-
-    Raises:
-        InputError: the file is not a .npy array, holds Python objects, or declares an array larger than the file.
-        OSError: the file cannot be read.
-    """
+    """Map the array of a .npy file into memory, without Python objects. Raises InputError for a damaged or too short file, and OSError."""
     import numpy as np
 
     refuse_pointer(path, InputError)
@@ -191,17 +175,21 @@ def _check_header(stream: IO[bytes], size: int, label: str) -> None:
         raise InputError(f"{label} declares an array {shape} of {kind} but has {size:,} bytes; save a complete array of numbers")
 
 
-def inside(folder: Path, name: str) -> Path:
-    """Return FOLDER/NAME for a file name that was read from an index file in the folder.
+def csv_text(rows: Iterable[Mapping[str, Any]], columns: Sequence[str]) -> str:
+    """Return the text of a .csv file with a header and these rows."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
 
-    Raises:
-        InputError: the name leads out of the folder by "..", as an absolute path or through a link.
-    """
+
+def inside(folder: Path, name: str) -> Path:
+    """Return FOLDER/NAME for a name from an index in the folder. Raises InputError if the name or a link leads out of the folder."""
     path = folder / name
     if "\0" in name or not path.resolve().is_relative_to(folder.resolve()):
-        raise InputError(
-            f"{folder}: its index names the file {name!r} outside this folder; copy the file into the folder and correct the index"
-        )
+        outside = f"{folder}: its index names the file {name!r} outside this folder"
+        raise InputError(f"{outside}; copy the file into the folder and correct the index")
     return path
 
 
@@ -229,13 +217,10 @@ def sync(path: Path, deep: bool = True) -> None:
 
 @contextlib.contextmanager
 def lock(path: Path, waiting: Callable[[], None] | None = None) -> Iterator[None]:
-    """Hold a lock on the file `path` within the `with` block, so that other processes wait. The lock file exists only while a process holds
-    the lock or waits for the lock.
+    """Hold a lock on the file `path` within the `with` block. The system releases the lock of a process that dies.
 
-    If a process dies, the operating system releases the file locks that the process holds.
+    The lock file exists only while a process holds the lock or waits for it. `waiting` is called once if another process holds the lock.
 
-    Args:
-        waiting: function that is called once if another process holds the lock.
     Raises:
         OutputError: the lock file cannot be created or opened.
     """
@@ -253,11 +238,7 @@ def lock(path: Path, waiting: Callable[[], None] | None = None) -> Iterator[None
 
 
 def drop_stale(path: Path) -> None:
-    """Remove a lock file that a killed process left, unless another process holds the lock or waits for it.
-
-    Raises:
-        OutputError: the lock file cannot be opened or removed.
-    """
+    """Remove a lock file that a killed process left. Raises OutputError if the file cannot be opened or removed."""
     if os.path.lexists(path) and (holder := _acquired(path, blocking=False)):
         path.unlink(missing_ok=True)
         holder.release()
@@ -277,9 +258,9 @@ def _acquired(path: Path, blocking: bool = True) -> BaseFileLock | None:
 
 
 def sweep(folder: Path) -> None:
-    """Remove from the folder the temporary files and folders (see `unfinished`) of this machine's processes that no longer exist.
+    """Remove the temporary files and folders (see `unfinished`) of this machine's processes that no longer exist.
 
-    Machines that share the folder cannot see each other's processes, so the function keeps the files of other machines.
+    Machines that share the folder cannot see each other's processes, so files of other machines stay.
     """
     for path in sorted(folder.glob(f".*{TEMPORARY}")):
         if match := _UNFINISHED.fullmatch(path.name):

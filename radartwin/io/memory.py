@@ -20,11 +20,7 @@ _PAD_BYTES = 1 << 28
 
 @functools.cache
 def keep_freed() -> None:
-    """Make this process keep the memory that it frees, if its C library is the GNU C library.
-
-    The memory of the process then stays at its largest size until `give_back` is called. The function `keep_freed` does not affect the
-    memory of Dr.Jit, which manages its own memory.
-    """
+    """Make this process keep the memory that it frees (except Dr.Jit's) until `give_back`, if its C library is the GNU C library."""
     with contextlib.suppress(AttributeError, OSError, TypeError):  # another C library
         mallopt = ctypes.CDLL(None).mallopt
         for parameter, value in ((_MMAP_MAX, 0), (_TRIM_THRESHOLD, -1), (_TOP_PAD, _PAD_BYTES)):
@@ -50,8 +46,7 @@ def resident_bytes(pid: int) -> float:
 
 
 def free_bytes() -> float:
-    """Return the memory in bytes that this process may still use: the machine's available memory, or less if the memory limit of the SLURM
-    job or of the control group (container) leaves less.
+    """Return the memory in bytes that this process may still use on this machine, in its SLURM job and in its control group (container).
 
     If the system does not report the available memory, half of the total memory counts as available.
     """

@@ -9,9 +9,7 @@ from radartwin.io.secret import hidden
 
 
 def one_line(message: object) -> str:
-    """Return a message as one line, without secrets from environment variables and without control characters, which a file name may
-    contain.
-    """
+    """Return a message as one line, without secrets from environment variables and without control characters."""
     return "".join(sign if sign.isprintable() else "?" for sign in " ".join(hidden(str(message)).split()))
 
 

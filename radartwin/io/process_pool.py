@@ -59,10 +59,7 @@ class ProcessPool:
             return self._executor.submit(_call, function, arguments)
 
     def end(self) -> None:
-        """End all worker processes, even if a call is still running.
-
-        A worker that is in compiled code cannot end itself. The pool kills such a worker after ENDS_WITHIN_S.
-        """
+        """End all worker processes. A worker that is still in compiled code after ENDS_WITHIN_S is killed."""
         processes = list((self._executor._processes or {}).values())  # Python 3.14 has terminate_workers instead
         for process in processes:
             process.terminate()
@@ -79,9 +76,7 @@ def in_worker() -> bool:
 
 @contextlib.contextmanager
 def _without_main() -> Iterator[None]:
-    """Hide the file of the main module within the `with` block, because multiprocessing's start method `spawn` would import the file in the
-    new process.
-    """
+    """Hide the file of the main module within the `with` block, because the start method `spawn` would import it in the worker."""
     main = sys.modules["__main__"]
     hidden = {name: vars(main)[name] for name in ("__file__", "__spec__") if name in vars(main)}
     vars(main).update(dict.fromkeys(hidden))

@@ -43,11 +43,9 @@ class Progress:
 
     @contextlib.contextmanager
     def task(self, label: str, total: int | None = None, remaining: Callable[[], float] | None = None) -> Iterator[Callable[[], None]]:
-        """Show the progress of work with `total` steps. The `with` block gets a function that the caller must call after each step of the
-        work.
+        """Show the progress of work with `total` steps. The `with` block gets a function to call after each step.
 
-        Args:
-            remaining: returns the remaining work in any unit, for the estimate of the remaining time; None: all steps take the same time.
+        remaining: returns the remaining work in any unit, for the estimate of the remaining time; None: all steps take the same time.
         """
         if self._quiet:
             yield lambda: None

@@ -62,7 +62,7 @@ class ScratchArray:
             return np.memmap(self._stream, self._dtype, "r+", shape=self._shape)
 
     def close(self) -> None:
-        """Close the file. The system then removes the file, unless an array is mapped to the file; a mapped array stays valid."""
+        """Close the file. The system then removes it, but an array that is mapped to it stays valid."""
         self._stream.close()
 
     def _failed(self, reason: object) -> OutputError:
@@ -71,10 +71,7 @@ class ScratchArray:
 
 
 def release(array: np.ndarray) -> None:
-    """Remove the pages of a memory-mapped array from the memory of this process; the file keeps its content.
-
-    The function does nothing for an array in memory or for a copy-on-write mapping, because their changes exist only in memory.
-    """
+    """Remove the pages of a memory-mapped array from memory. Arrays in memory and copy-on-write mappings stay as they are."""
     owner: Any = array
     while isinstance(owner, np.ndarray):
         if isinstance(owner, np.memmap) and owner.mode == "c":

@@ -19,9 +19,7 @@ STEP_S = 0.5
 
 @contextlib.contextmanager
 def interrupted_by_signals() -> Iterator[None]:
-    """Within the `with` block, make SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt(number of the signal). With `nohup`, SIGHUP stays
-    ignored.
-    """
+    """Make SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt(number of the signal). With `nohup`, SIGHUP stays ignored."""
 
     def interrupt(number: int, _: object) -> NoReturn:
         raise KeyboardInterrupt(number)
@@ -42,7 +40,7 @@ def ignore_signals() -> None:
 
 
 def free_port(port: int | None, usual: int) -> int:
-    """Return the port of a new server: `port`, or `usual` if `port` is None, or a free port if `usual` is taken or `port` is 0.
+    """Return `port`, or `usual` if `port` is None, or a free port if `usual` is taken or `port` is 0.
 
     Raises:
         BackendError: the port that the user gave is taken.

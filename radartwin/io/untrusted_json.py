@@ -25,9 +25,7 @@ def load(text: str | bytes) -> Any:
 
 
 def read(path: Path) -> Any:
-    """Parse a JSON file in UTF-8. Raises ValueError for the same reasons as `load`, and OSError. The function does not read the whole of a
-    file that is larger than MAX_BYTES.
-    """
+    """Parse a JSON file in UTF-8, of which at most MAX_BYTES are read. Raises ValueError for the same reasons as `load`, and OSError."""
     with path.open("rb") as stream:
         content = stream.read(MAX_BYTES + 1)
     return load(content.decode("utf-8"))

@@ -16,12 +16,7 @@ FORMATS = ("PNG", "JPEG", "PPM", "TIFF")  # PPM includes PGM
 
 
 def open_picture(path: Path) -> Image:
-    """Open a picture and read its header; Pillow reads the pixels on first use. The caller closes the picture.
-
-    Raises:
-        FileNotFoundError: the file does not exist.
-        OSError: the file has another format or too many pixels.
-    """
+    """Open a picture and read its header; the caller closes it. Raises OSError for another format or too many pixels."""
     from PIL import Image
 
     try:

@@ -13,7 +13,7 @@ MAX_CHARACTERS = 4_000_000  # parsing them takes about 40 s and 0.5 GB
 
 
 def loader() -> type[yaml.SafeLoader]:
-    """Return a YAML loader for plain types without aliases. For an alias, the loader raises a yaml.YAMLError with the line number."""
+    """Return a YAML loader for plain types. For an alias, it raises a yaml.YAMLError with the line number."""
     import yaml
     from yaml.composer import ComposerError
 
@@ -28,9 +28,7 @@ def loader() -> type[yaml.SafeLoader]:
 
 
 def load(text: str, kind: type[yaml.SafeLoader] | None = None) -> Any:
-    """Parse a YAML text with the loader `kind`, by default `loader()`. Raises yaml.YAMLError if the text is malformed, and ValueError if
-    it is too large.
-    """
+    """Parse a YAML text with the loader `kind`, by default `loader()`. Raises yaml.YAMLError, and ValueError for a too large text."""
     import yaml
 
     if len(text) > MAX_CHARACTERS:

@@ -18,13 +18,7 @@ SIZE_IN = (4.8, 2.75)
 
 
 def map_picture(spectra: Spectra, farthest_m: float) -> np.ndarray:
-    """Draw the map of one frame, seen from above: the radar at the bottom, its boresight upwards, its left side to the left.
-
-    Args:
-        farthest_m: radius of the sector in metres.
-    Returns:
-        RGB picture (H, W, 3), uint8.
-    """
+    """Draw the map of one frame up to a radius in metres as RGB (H, W, 3), uint8: seen from above, the boresight upwards."""
     frame, rows, columns, range_bin, azimuth_bin = _frame(farthest_m, spectra.range_m.tobytes(), spectra.azimuth_rad.tobytes())
     low, high = map_limits(spectra, farthest_m)
     levels = spectra.map_db[azimuth_bin, range_bin]
@@ -53,11 +47,7 @@ def _colours() -> np.ndarray:
 
 @lru_cache(maxsize=4)
 def _frame(farthest_m: float, ranges: bytes, azimuths: bytes) -> tuple[np.ndarray, ...]:
-    """Draw axes and colour bar, and find the pixels of the sector.
-
-    Returns:
-        The picture (H, W, 3), and for each of P pixels of the sector its row, its column, its range bin and its azimuth bin.
-    """
+    """Draw axes and colour bar. Return the picture (H, W, 3), and rows, columns, range bins and azimuth bins of the sector's pixels."""
     import matplotlib
     from matplotlib.figure import Figure
 

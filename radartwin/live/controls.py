@@ -5,8 +5,8 @@ from __future__ import annotations
 import html
 import threading
 import time
-from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -30,31 +30,15 @@ STYLE = (
 )
 
 
-class Actions(Protocol):
-    """The functions of the page that the panel calls."""
-
-    def ask(self) -> None: ...
-    def change_materials(self) -> None: ...
-    def add_object(self, name: str) -> None: ...
-    def remove_object(self, name: str) -> None: ...
-    def reset(self) -> None: ...
-    def look_again(self, camera: Any) -> None: ...
-    def select(self, name: str) -> None: ...
-    def place(self, name: str, position: np.ndarray, heading_deg: float) -> None: ...
-    def show_frame(self, frame: int) -> None: ...
-    def draw(self) -> None: ...
-    def choose(self, number: int | None) -> None: ...
-
-
 class Controls:
     """Add the panel to a viser server.
 
     Args:
-        server: viser server. actions: the page. playback: recording to play back, or None.
+        actions: the `Page`, whose functions the panel calls. playback: recording to play back, or None.
         farthest_m: largest range that profile and map show, metres.
     """
 
-    def __init__(self, server: Any, actions: Actions, playback: Playback | None, farthest_m: float) -> None:
+    def __init__(self, server: Any, actions: Any, playback: Playback | None, farthest_m: float) -> None:
         from viser import uplot
 
         self._gui, self._actions, self._playback = server.gui, actions, playback
@@ -77,14 +61,16 @@ class Controls:
         self._caption = gui.add_html("", visible=playback is not None)
         self._farthest_m = farthest_m
         self._add_paths()
-        self._map = gui.add_image(map_picture(_empty(farthest_m), farthest_m), format="png")
+        range_m, azimuth_rad = np.linspace(0, farthest_m, 16), np.radians(np.arange(-90.0, 91.0))
+        empty = Spectra(range_m, azimuth_rad, np.zeros(16), np.full((181, 16), -200.0))
+        self._map = gui.add_image(map_picture(empty, farthest_m), format="png")
         self._map_caption = gui.add_html("")
         if playback is not None:
             self._add_recording(playback)
         self._add_simulation()
         self._legend = gui.add_html("")
         self._add_places()
-        self.show_working()
+        self._show_status("<b class='draft'>computing the first answer</b>, which takes some seconds")
 
     @property
     def materials(self) -> str:
@@ -107,19 +93,18 @@ class Controls:
     def shows_measured_map(self) -> bool:
         return self._which.value == "measured"
 
-    def show_working(self) -> None:
-        self._status.content = _html("<b class='draft'>computing the first answer</b>, which takes some seconds")
-
     def show_status(self, answer: LiveAnswer, count: int, outside: bool) -> None:
         draft = "<b class='draft'>draft</b>, the complete answer follows when nothing moves"
         kind = "<b class='done'>complete</b>" if answer.complete else draft
         warning = "<br><b class='bad'>the radar is outside the room</b>" if outside else ""
-        self._status.content = _html(
-            f"answer {count}: {kind} · {1000 * answer.seconds:.0f} ms · strongest paths: {len(answer.paths)}{warning}"
-        )
+        self._show_status(f"answer {count}: {kind} · {1000 * answer.seconds:.0f} ms · strongest paths: {len(answer.paths)}{warning}")
 
     def fail(self, message: str) -> None:
-        self._status.content = _html(f"<b class='bad'>not simulated:</b> {html.escape(message)}")
+        """Show why a setting cannot be simulated. The last answer stays on the page."""
+        self._show_status(f"<b class='bad'>not simulated:</b> {html.escape(message)}")
+
+    def _show_status(self, text: str) -> None:
+        self._status.content = _html(text)
 
     def caption(self, text: str) -> None:
         self._caption.content = _html(html.escape(text))
@@ -168,11 +153,11 @@ class Controls:
         self._path = self._gui.add_dropdown("path", (NO_PATH,))
         self._card = self._gui.add_html("")
 
-        @self._path.on_update
-        def _(event) -> None:
-            if event.client is not None:
-                value = self._path.value
-                self._actions.choose(self._options.index(value) if value in self._options else None)
+        def chosen() -> None:
+            value = self._path.value
+            self._actions.choose(self._options.index(value) if value in self._options else None)
+
+        self._path.on_update(_by_user(chosen))
 
     def _add_simulation(self) -> None:
         with self._gui.add_folder("simulation"):
@@ -195,17 +180,12 @@ class Controls:
             self._gui.add_button("show the first view").on_click(lambda event: self._actions.look_again(event.client.camera))
         self._remove.on_click(lambda _: self._actions.remove_object(self._thing.value))
 
-        def typed(event) -> None:
-            if event.client is not None:
-                self._actions.place(self._thing.value, np.array(self._position.value), float(self._heading.value))
+        def typed() -> None:
+            self._actions.place(self._thing.value, np.array(self._position.value), float(self._heading.value))
 
-        @self._thing.on_update
-        def _(event) -> None:
-            if event.client is not None:
-                self._actions.select(self._thing.value)
-
-        self._position.on_update(typed)
-        self._heading.on_update(typed)
+        self._thing.on_update(_by_user(lambda: self._actions.select(self._thing.value)))
+        self._position.on_update(_by_user(typed))
+        self._heading.on_update(_by_user(typed))
 
     def _add_recording(self, playback: Playback) -> None:
         with self._gui.add_folder("recording"):
@@ -218,12 +198,12 @@ class Controls:
         self._plays.on_update(lambda _: self._play(playback))
 
     def _play(self, playback: Playback) -> None:
-        """Advance the frame at the frame rate until the last frame, or until the user stops."""
         token = self._playback_token = object()
         if self._plays.value:
             threading.Thread(target=self._advance, args=(playback, token), name="playback", daemon=True).start()
 
     def _advance(self, playback: Playback, token: object) -> None:
+        """Advance the frame at the frame rate until the last frame, or until the user stops."""
         while self._playback_token is token and self.frame < playback.frames - 1:
             started = time.monotonic()
             self._frame.value = self.frame + 1  # viser then calls the function of the slider
@@ -232,10 +212,9 @@ class Controls:
             self._plays.value = False
 
 
-def _empty(farthest_m: float) -> Spectra:
-    """Return the map of no echoes, which the page shows before its first answer."""
-    range_m, azimuth_rad = np.linspace(0, farthest_m, 16), np.radians(np.arange(-90.0, 91.0))
-    return Spectra(range_m, azimuth_rad, np.zeros(16), np.full((181, 16), -200.0))
+def _by_user(act: Callable[[], object]) -> Callable[[Any], object]:
+    """Return a function of an event that acts only if a user, and not this program, has changed the value."""
+    return lambda event: act() if event.client is not None else None
 
 
 def _html(text: str) -> str:

@@ -85,9 +85,7 @@ def spectra(iq: np.ndarray, radar: Radar) -> Spectra:
 
 
 def path_at(paths: Sequence[LivePath], eye: np.ndarray, direction: np.ndarray) -> int | None:
-    """Return the number of the path nearest to a view ray, or None if every path is more than CLICK_RAD from the ray.
-
-    If several paths run together, the strongest is returned.
+    """Return the number of the path nearest to a view ray (of several together the strongest), or None beyond CLICK_RAD.
 
     Args:
         paths: strongest first. eye: origin (3,) of the ray. direction: unit vector (3,) of the ray.
@@ -156,10 +154,7 @@ def _room_paths(part: Paths, radar: Radar, pose: np.ndarray) -> list[LivePath]:
 
 
 def _object_paths(part: Paths, radar: Radar, pose: np.ndarray, name: str) -> list[LivePath]:
-    """Return one path for each number of bounces and each interval of two range bins.
-
-    The amplitude of the path is the coherent sum of its tubes, and its corners are those of the strongest tube.
-    """
+    """Return one path for each number of bounces and each interval of two range bins, with the corners of its strongest tube."""
     field = _field(part, radar)
     levels = np.abs(field)
     field *= np.exp(2j * np.pi * part.frequencies_hz[_middle(part)] * part.length_m / SPEED_OF_LIGHT)
@@ -209,10 +204,7 @@ def _db(amplitude: float) -> float:
 
 
 def span_db(values: Sequence[float] | np.ndarray, dynamic_db: float) -> tuple[float, float]:
-    """Return the limits of a level scale: the largest value, rounded up to 5 dB, and `dynamic_db` below it.
-
-    Without echoes, the scale begins at FLOOR_DB, so that FLOOR_DB has the darkest colour.
-    """
+    """Return the limits of a level scale: the largest value rounded up to 5 dB, and below; FLOOR_DB is darkest."""
     if len(values) and np.max(values) <= FLOOR_DB:
         return FLOOR_DB, FLOOR_DB + dynamic_db
     top = 5 * float(np.ceil((np.max(values) if len(values) else 0.0) / 5))

@@ -12,7 +12,7 @@ import numpy as np
 from radartwin.live.controls import PROFILE_DYNAMIC_DB, Controls
 from radartwin.live.echoes import LivePath, path_at, span_db, surfaces_at
 from radartwin.live.playback import Playback, shifted_db
-from radartwin.live.setting import RADAR, LiveSetting, Movable, Rooms, free_name, split
+from radartwin.live.setting import RADAR, LiveSetting, Movable, free_name, split, with_materials
 from radartwin.live.stage import Stage
 from radartwin.live.tracing import LiveAnswer, LiveTracer
 from radartwin.scene import objects
@@ -27,8 +27,7 @@ class Page:
     """Show a scene on a viser server.
 
     Args:
-        server: viser server.
-        scene: room and objects. start: sensor-to-world pose (4, 4) of the radar at the start.
+        start: sensor-to-world pose (4, 4) of the radar at the start.
         tracer: tracer of the same scene, which gets the objects that the user adds.
         request: function that receives each new setting.
         playback: recording to play back, or None.
@@ -45,12 +44,13 @@ class Page:
     ) -> None:
         self._server, self._tracer, self._request, self._playback = server, tracer, request, playback
         room, movables = split(scene)
-        self._rooms, self._start, self._movables = Rooms(room), start, {m.name: m for m in movables}
-        self._answer: LiveAnswer | None = None
+        self._room, self._start, self._movables = with_materials(room), start, {m.name: m for m in movables}
+        self.answer: LiveAnswer | None = None  # newest answer
         self._path_number: int | None = None
         self._count = 0
         self._lock = threading.RLock()
         self._stage = Stage(server, self._changed, self._clicked)
+        self.look_again = self._stage.look_again
         self._stage.look(room, start)
         self._stage.show_room(room, movables)
         self._stage.add_radar(start)
@@ -70,18 +70,13 @@ class Page:
             poses = {name: self._stage.pose(name) for name in self._movables}
         return LiveSetting(self._stage.pose(RADAR), poses, controls.materials, controls.bounces)
 
-    @property
-    def answer(self) -> LiveAnswer | None:
-        """Return the newest answer."""
-        return self._answer
-
     def ask(self) -> None:
         """Request the answer to the present setting."""
         self._request(self.setting)
 
     def change_materials(self) -> None:
         with self._lock, self._server.atomic():
-            self._stage.show_room(self._rooms.with_materials(self.controls.materials), list(self._movables.values()))
+            self._stage.show_room(self._room(self.controls.materials), list(self._movables.values()))
             self.controls.legend(self._stage.colours)
         self.ask()
 
@@ -117,19 +112,13 @@ class Page:
                 self._stage.place(name, movable.pose)
         self._changed(RADAR)
 
-    def look_again(self, camera: Any) -> None:
-        self._stage.look_again(camera)
-
     def select(self, name: str) -> None:
         """Show the place of the radar or of an object."""
         with self._lock:
             self.controls.show_things([RADAR, *self._movables], name, self._stage.pose(name))
 
     def place(self, name: str, position: np.ndarray, heading_deg: float) -> None:
-        """Move the radar or an object to a position (3,) in metres, with its x axis at `heading_deg` from +x to the left.
-
-        Its tilt does not change.
-        """
+        """Move the radar or an object to a position (3,) in metres, with its x axis at `heading_deg` from +x to the left and its tilt."""
         with self._lock:
             rotation = self._stage.pose(name)[:3, :3]
             angle = np.radians(heading_deg) - np.arctan2(rotation[1, 0], rotation[0, 0])
@@ -154,15 +143,11 @@ class Page:
     def show(self, answer: LiveAnswer) -> None:
         """Show an answer. The chosen path stays chosen if the answer has a similar one."""
         with self._lock:
-            before, self._answer = self._answer, answer
+            before, self.answer = self.answer, answer
             self._count += before is None or answer.setting is not before.setting
             if before and self._path_number is not None:
                 self._path_number = _same_path(before.paths[self._path_number], answer.paths)
             self._draw()
-
-    def fail(self, message: str) -> None:
-        """Show why a setting cannot be simulated. The last answer stays on the page."""
-        self.controls.fail(message)
 
     def draw(self) -> None:
         with self._lock:
@@ -174,7 +159,7 @@ class Page:
 
     def _clicked(self, eye: np.ndarray, direction: np.ndarray) -> None:
         with self._lock:
-            paths = self._answer.paths[: self.controls.paths] if self._answer else []
+            paths = self.answer.paths[: self.controls.paths] if self.answer else []
             number = path_at(paths, eye, direction)
             if number is not None:
                 self.choose(None if self._path_number == number else number)
@@ -182,13 +167,13 @@ class Page:
     def choose(self, number: int | None) -> None:
         """Choose a path, or none. A late choice of a path that is not in the present answer has no effect."""
         with self._lock:
-            count = len(self._answer.paths) if self._answer else 0
+            count = len(self.answer.paths) if self.answer else 0
             if number != self._path_number and (number is None or number < count):
                 self._path_number = number
                 self._draw()
 
     def _draw(self) -> None:
-        answer = self._answer
+        answer = self.answer
         if answer is None:
             return
         paths = answer.paths[: self.controls.paths]
@@ -230,7 +215,7 @@ class Page:
 
 
 def _same_path(path: LivePath, paths: list[LivePath]) -> int | None:
-    """Return the number of the path with equal owner and bounces and the nearest length, or None if the lengths differ by SIMILAR_M."""
+    """Return the number of the path with equal owner and bounces and the nearest length, or None from SIMILAR_M on."""
     away = [abs(p.length_m - path.length_m) if (p.owner, p.bounces) == (path.owner, path.bounces) else np.inf for p in paths]
     nearest = int(np.argmin(away)) if away else 0
     return nearest if away and away[nearest] < SIMILAR_M else None

@@ -9,12 +9,7 @@ from radartwin.radar.recording import Recording
 
 
 class Playback:
-    """Give the frames of a recording.
-
-    Args:
-        recording: recording with at least one frame.
-        name: name of its file, for messages.
-    """
+    """Give the frames of a recording with at least one frame. `name` is the name of its file, for messages."""
 
     def __init__(self, recording: Recording, name: str) -> None:
         self.recording, self.name = recording, name

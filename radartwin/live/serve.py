@@ -7,8 +7,6 @@ import io
 import os
 import sys
 import threading
-import time
-import urllib.request
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -26,24 +24,22 @@ from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene
 
 USUAL_PORT = 8080
-ANSWERS_WITHIN_S = 30
 
 
 def serve(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None, playback: Playback | None = None) -> int:
     """Serve the live page of a scene, and end with status 0 after Ctrl-C, SIGTERM or SIGHUP.
 
     Args:
-        scene: room and objects. radar: radar to simulate. start: sensor-to-world pose (4, 4) at the start.
+        start: sensor-to-world pose (4, 4) of the radar at the start.
         port: port on the loopback address; None means 8080, or another free port if 8080 is taken.
         playback: recording to play back beside the simulation.
     Raises:
-        BackendError: viser is not installed, or it cannot refuse pages of other addresses; the port that the user gave is taken; or the
-            server does not answer within 30 s.
+        BackendError: viser is not installed or cannot refuse pages of other addresses, or the port that the user gave is taken.
         SceneError: the scene has no surfaces.
     """
     with contextlib.suppress(KeyboardInterrupt), running(scene, radar, start, port, playback) as live:
         try:
-            _announce(live.port)
+            print(f"live: http://{HOST}:{live.port}", flush=True)
             while not live.finished.wait(STEP_S):
                 pass
         except KeyboardInterrupt:
@@ -77,7 +73,7 @@ def running(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = No
         crash.append(error)
         finished.set()
 
-    session = Session(tracer, lambda answer: page.show(answer), lambda text: page.fail(text), crashed)
+    session = Session(tracer, lambda answer: page.show(answer), lambda text: page.controls.fail(text), crashed)
     server = _server(free_port(port, USUAL_PORT))
     try:
         page = Page(server, scene, start, tracer, session.request, playback)
@@ -115,10 +111,9 @@ def _server(port: int) -> Any:
 
 @contextlib.contextmanager
 def _only_own_pages(port: int) -> Iterator[list[int]]:
-    """Within the `with` block, make viser's web server refuse web sockets that a page of another address opens. Yields a list, which gets
-    the port when the web server starts with this check.
+    """Make viser's web server refuse web sockets of pages of other addresses, which a browser would let through (viser does not check).
 
-    A browser lets any page open a web socket to this machine, and tells the server the origin of the page. Viser does not check the origin.
+    Yields a list, which gets the port when the web server starts with this check.
     """
     import websockets.asyncio.server as module
 
@@ -141,22 +136,3 @@ def _quietly(stop: Any) -> None:
     """Stop the server without the message that viser prints."""
     with contextlib.redirect_stdout(io.StringIO()):
         stop()
-
-
-def _announce(port: int) -> None:
-    """Print the address of the page as soon as the server answers.
-
-    Raises:
-        BackendError: the server does not answer.
-    """
-    address, end = f"http://{HOST}:{port}", time.monotonic() + ANSWERS_WITHIN_S
-    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))  # ignore a proxy that the environment variables name
-    while True:
-        try:
-            opener.open(address, timeout=5).close()
-            break
-        except OSError as error:
-            if time.monotonic() > end:
-                raise BackendError(f"{address} does not answer ({error}); choose another --port") from error
-        time.sleep(0.1)
-    print(f"live: {address}", flush=True)

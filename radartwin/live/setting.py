@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from radartwin.label.surface_labels import belongs_to_room
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import pose
 
+# the labels of the scene, one material for the room, or no room
 MATERIALS = {"labelled": SceneLabels(), "uniform": Uniform(), "void": Void()}
 RADAR = "radar"  # name of the radar in the page, which no object may have
 MAX_BOUNCES = 4  # the default of `radartwin.simulate`
@@ -20,41 +21,27 @@ MAX_BOUNCES = 4  # the default of `radartwin.simulate`
 
 @dataclass(frozen=True, eq=False)
 class LiveSetting:
-    """Hold what the live page simulates.
+    """Hold what the live page simulates."""
 
-    Attributes:
-        radar_pose: sensor-to-world pose (4, 4).
-        object_poses: object-to-world poses (4, 4) by name of the object.
-        materials: a key of MATERIALS: the labels of the scene, one material for the room, or no room.
-        max_bounces: largest number of reflections of a path.
-    """
-
-    radar_pose: np.ndarray
-    object_poses: Mapping[str, np.ndarray] = field(default_factory=dict)
-    materials: str = "labelled"
-    max_bounces: int = MAX_BOUNCES
+    radar_pose: np.ndarray  # sensor-to-world (4, 4)
+    object_poses: Mapping[str, np.ndarray] = field(default_factory=dict)  # object-to-world (4, 4) by name
+    materials: str = "labelled"  # a key of MATERIALS
+    max_bounces: int = MAX_BOUNCES  # largest number of reflections of a path
 
 
 @dataclass(frozen=True, eq=False)
 class Movable:
-    """Hold an object of the scene that the user can move.
+    """Hold an object of the scene that the user can move."""
 
-    Attributes:
-        name: name of the object, which all of its surfaces have.
-        surfaces: surfaces in the object's own frame.
-        pose: object-to-world pose (4, 4) at the start.
-    """
-
-    name: str
-    surfaces: tuple[Surface, ...]
-    pose: np.ndarray
+    name: str  # of the object and of all of its surfaces
+    surfaces: tuple[Surface, ...]  # in the object's own frame
+    pose: np.ndarray  # object-to-world (4, 4) at the start
 
 
 def split(scene: Scene) -> tuple[Scene, list[Movable]]:
-    """Split a scene into the room and the objects that the user can move.
+    """Split a scene into the room and the objects that the user can move, which are the surfaces of one name outside the room.
 
-    An object is the set of all surfaces with one name that do not belong to the room or to its scan. The frame of an object has the axes
-    of the world, and its origin is the centre of the object's bounding box. An object with the name "radar" gets another name.
+    The frame of an object has the axes of the world and the centre of its bounding box. An object "radar" gets another name.
     """
     room, groups = [], dict[str, list[Surface]]()
     taken = {RADAR, *scene.names}
@@ -87,12 +74,6 @@ def _movable(name: str, surfaces: Sequence[Surface]) -> Movable:
     return Movable(name, tuple(s.moved(pose(-place[:3, 3])).replaced(name=name) for s in surfaces), place)
 
 
-class Rooms:
-    """Give the room of a scene with each choice of materials. Equal choices return the same Scene object.
-
-    Args:
-        room: the scene without its movable objects.
-    """
-
-    def __init__(self, room: Scene) -> None:
-        self.with_materials = lru_cache(maxsize=len(MATERIALS))(lambda materials: MATERIALS[materials](room))
+def with_materials(room: Scene) -> Callable[[str], Scene]:
+    """Return a function that gives the room with a choice of materials. Equal choices give the same Scene object."""
+    return cache(lambda materials: MATERIALS[materials](room))

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from radartwin.live.birds_eye import level_colours
 from radartwin.live.echoes import LivePath, span_db
@@ -15,24 +15,23 @@ from radartwin.live.setting import Movable
 from radartwin.scene import objects
 from radartwin.scene.scene import Scene
 from radartwin.scene.surface import Surface
+from radartwin.scene.trajectories.trajectory import pose
 from radartwin.scene.viewer.colouring import RGB, material_colours, material_label
 from radartwin.scene.viewer.display_mesh import MAX_FACES, thinned, wall_planes
 from radartwin.simulation.poses import check_poses
 
 PATHS_DYNAMIC_DB = 50.0  # range of levels of the drawn paths, below the strongest
-TUBE_M = 0.007  # radius of a drawn path
+LINE_M = 0.014  # thickness of a drawn path
 CHOSEN_RGB = (214, 40, 40)
 RADAR_RGB = (35, 35, 45)
 BORESIGHT_RGB = (194, 65, 12)
 AMBIENT, SUN = 2.2, 1.3  # intensities of light; pi would show the colour of a material unchanged
-SIDES = 6  # sides of the prism that draws a leg of a path
 
 
 class Stage:
     """Draw into a viser server.
 
     Args:
-        server: viser server.
         moved: function that receives the name of the radar or of an object after the user has dragged it.
         clicked: function that receives the origin (3,) and the direction (3,) of the view ray of a click.
     """
@@ -41,7 +40,6 @@ class Stage:
         self._server, self._moved = server, moved
         self._gizmos: dict[str, Any] = {}
         self._room: list[Any] = []
-        self._paths: list[Any] = []
         self._walls: list[dict[str, list[float]]] = []
         self._number = 0
         self.colours: dict[str, RGB] = {}
@@ -109,13 +107,13 @@ class Stage:
         self._server.scene.add_label(f"{gizmo.name}/label", movable.name, position=(0, 0, high + 0.06))
 
     def remove(self, name: str) -> None:
-        """Remove an object."""
         self._gizmos.pop(name).remove()
 
     def pose(self, name: str) -> np.ndarray:
         """Return the pose (4, 4) of the radar (name "radar") or of an object."""
         gizmo = self._gizmos[name]
-        return pose_of(np.asarray(gizmo.wxyz, float), np.asarray(gizmo.position, float))
+        rotation = Rotation.from_quat(np.asarray(gizmo.wxyz, float), scalar_first=True).as_matrix()
+        return check_poses(pose(np.asarray(gizmo.position, float), rotation), "pose")[0]
 
     def place(self, name: str, pose: np.ndarray) -> None:
         """Move the radar or an object, as a drag does."""
@@ -124,21 +122,14 @@ class Stage:
 
     def show_paths(self, paths: Sequence[LivePath], path_number: int | None) -> None:
         """Draw the paths coloured by level; the chosen one is red and thicker."""
-        low, high = span_db([path.level_db for path in paths], PATHS_DYNAMIC_DB)
-        colours = level_colours(np.array([path.level_db for path in paths]), low, high)
-        scene = self._server.scene
-        for index, path in enumerate(paths):
-            here = index == path_number
-            vertices, faces = tube(path.points, TUBE_M * (2.2 if here else 1))
-            colour = CHOSEN_RGB if here else tuple(int(c) for c in colours[index])
-            if index < len(self._paths):
-                handle = self._paths[index]
-                handle.vertices, handle.faces, handle.color, handle.visible = vertices, faces, colour, True
-                continue
-            handle = scene.add_mesh_simple(f"/paths/{index}", vertices, faces, color=colour, cast_shadow=False, receive_shadow=False)
-            self._paths.append(handle)
-        for handle in self._paths[len(paths) :]:
-            handle.visible = False
+        levels_db = np.array([path.level_db for path in paths])
+        colours = level_colours(levels_db, *span_db(levels_db, PATHS_DYNAMIC_DB))
+        chosen = [] if path_number is None else [paths[path_number]]
+        for name, drawn, rgb, thickness_m in (("all", paths, colours, LINE_M), ("chosen", chosen, [CHOSEN_RGB], 2.2 * LINE_M)):
+            legs = [np.stack([path.points[:-1], path.points[1:]], axis=1) for path in drawn] or [np.zeros((1, 2, 3))]
+            leg_rgb = np.repeat(np.array(rgb if len(drawn) else [CHOSEN_RGB], np.uint8), [len(leg) for leg in legs], axis=0)
+            points, point_rgb = np.concatenate(legs), np.repeat(leg_rgb[:, None], 2, axis=1)
+            self._server.scene.add_line_segments(f"/paths/{name}", points, point_rgb, thickness=thickness_m, visible=len(drawn) > 0)
 
     def _mesh(self, name: str, surface: Surface, vertices: np.ndarray, faces: np.ndarray, side: str) -> Any:
         colour = self.colours[material_label(surface.material)]
@@ -158,40 +149,9 @@ class Stage:
         return gizmo
 
 
-def pose_of(wxyz: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Return the pose (4, 4) of a quaternion (w, x, y, z) of any length and a position (3,)."""
-    from scipy.spatial.transform import Rotation
-
-    pose = np.eye(4)
-    pose[:3, :3] = Rotation.from_quat(wxyz / np.linalg.norm(wxyz), scalar_first=True).as_matrix()
-    pose[:3, 3] = position
-    return check_poses(pose, "pose")[0]
-
-
 def quaternion(rotation: np.ndarray) -> np.ndarray:
     """Return the unit quaternion (w, x, y, z) of a rotation matrix (3, 3)."""
-    from scipy.spatial.transform import Rotation
-
     return Rotation.from_matrix(rotation).as_quat(scalar_first=True)
-
-
-def tube(points: np.ndarray, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return vertices and faces of prisms around the legs of a polyline (V, 3)."""
-    vertices, faces = [], []
-    angle = 2 * np.pi * np.arange(SIDES) / SIDES
-    ring = np.arange(SIDES)
-    lower = np.stack([ring, (ring + 1) % SIDES, ring + SIDES], axis=1)
-    upper = np.stack([(ring + 1) % SIDES, (ring + 1) % SIDES + SIDES, ring + SIDES], axis=1)
-    for start, end in pairwise(points):
-        way = end - start
-        length = float(np.linalg.norm(way))
-        if length < 1e-9:
-            continue
-        across = np.linalg.svd(way[None] / length)[2][1:]
-        circle = radius_m * (np.cos(angle)[:, None] * across[0] + np.sin(angle)[:, None] * across[1])
-        faces.append(np.concatenate([lower, upper]) + 2 * SIDES * len(vertices))
-        vertices.append(np.concatenate([start + circle, end + circle]))
-    return np.concatenate(vertices).astype(np.float32), np.concatenate(faces).astype(np.uint32)
 
 
 def _facing(mesh: trimesh.Trimesh, normal: np.ndarray) -> np.ndarray:

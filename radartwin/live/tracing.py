@@ -9,15 +9,13 @@ docs/decisions/025-live-view.md has the errors and times of drafts.
 from __future__ import annotations
 
 import time
-from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from radartwin.errors import SceneError
 from radartwin.live.echoes import LivePath, Spectra, spectra, strongest_paths
-from radartwin.live.setting import LiveSetting, Movable, Rooms
+from radartwin.live.setting import LiveSetting, Movable, with_materials
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene
 from radartwin.simulation import pruning, variant
@@ -37,37 +35,24 @@ KEPT = 8  # number of complete searches that are kept
 
 @dataclass(frozen=True, eq=False)
 class LiveAnswer:
-    """Hold the radar's answer to a setting.
-
-    Attributes:
-        iq: (1, T, R, N) samples of the first chirp of each transmitter, in amplitude units. Radar and objects are at rest, so that all
-            chirps of the frame are equal.
-        complete: whether the answer equals `radartwin.simulate`; False for a draft.
-        seconds: time of the computation.
-    """
+    """Hold the radar's answer to a setting. Radar and objects are at rest, so that all chirps of a transmitter are equal."""
 
     setting: LiveSetting
-    iq: np.ndarray
+    iq: np.ndarray  # (1, T, R, N) samples of the first chirp of each transmitter, in amplitude units
     spectra: Spectra
     paths: list[LivePath]
-    complete: bool
-    seconds: float
+    complete: bool  # whether the answer equals `radartwin.simulate`; False for a draft
+    seconds: float  # time of the computation
 
 
 class LiveTracer:
-    """Trace one room with movable objects.
-
-    Args:
-        room: the room without movable objects.
-        radar: radar whose samples are simulated, with one chirp for each transmitter.
-        movables: objects of the scene; `add` adds more.
-    """
+    """Trace one room with movable objects, to which `add` adds more. The radar has one chirp for each transmitter."""
 
     def __init__(self, room: Scene, radar: Radar, movables: Sequence[Movable] = ()) -> None:
         self.radar = replace(radar, num_chirps=1)
-        self._rooms = Rooms(room)
+        self._room = with_materials(room)
         self._movables = {movable.name: movable for movable in movables}
-        self._searches: OrderedDict[tuple, Searched] = OrderedDict()
+        self._searches: dict[tuple, Searched] = {}  # oldest first
         self._strong: dict[int, Sequences] = {}  # by number of bounces; rooms of other materials have the same faces
 
     def add(self, movable: Movable) -> None:
@@ -76,17 +61,12 @@ class LiveTracer:
     def scene(self, setting: LiveSetting) -> Scene:
         """Return the room with the materials of the setting, and the objects at their places."""
         placed = [s.moved(setting.object_poses[m.name]) for m in self._present(setting) for s in m.surfaces]
-        return Scene([*self._rooms.with_materials(setting.materials), *placed])
+        return Scene([*self._room(setting.materials), *placed])
 
     def check(self, setting: LiveSetting) -> None:
-        """Check that the radar can stand at its pose.
-
-        Raises:
-            PoseError: a pose is not rigid or not finite.
-            SceneError: the radar is inside a solid.
-        """
+        """Check that the radar can stand at its pose. Raises PoseError for a wrong pose, and SceneError inside a solid."""
         pose = check_poses(setting.radar_pose, "radar_pose")
-        self._rooms.with_materials(setting.materials).check_sensor(pose[:, :3, 3])
+        self._room(setting.materials).check_sensor(pose[:, :3, 3])
         for movable in self._present(setting):
             local = inverse(check_poses(setting.object_poses[movable.name], movable.name)) @ pose
             Scene(movable.surfaces).check_sensor(local[:, :3, 3])
@@ -96,24 +76,23 @@ class LiveTracer:
         static = self._static(setting)
         return static is not None and static.is_flat and self._key(setting) not in self._searches
 
-    def search(self, setting: LiveSetting) -> tuple[Searched, Sequences]:
-        """Search the sequences of faces and edges at the pose of a setting.
-
-        Returns:
-            The sequences for the complete answer, and the strongest of them for later drafts at other poses.
-        """
-        static = self._static(setting)
-        if static is None or not static.is_flat:
-            raise SceneError("only rooms of flat faces have sequences of faces and edges to search")
-        pose = setting.radar_pose
-        searched = static.searched(pose[None], self.radar, setting.max_bounces, pruning.PRUNE)
-        return searched, self._strongest(static, searched.sequences, pose)
-
-    def sketch(self, setting: LiveSetting) -> Sequences:
-        """Search the strongest sequences with at most one diffraction at the pose of a setting in a flat room, for drafts."""
-        static = self._static(setting)
+    def search(self, setting: LiveSetting) -> None:
+        """Search the sequences at the pose of a setting in a flat room, for its complete answer and, the strongest, for later drafts."""
+        static, bounces = self._static(setting), setting.max_bounces
         assert static is not None
-        return self._strongest(static, self._single_diffractions(static, setting, setting.max_bounces), setting.radar_pose)
+        searched = static.searched(setting.radar_pose[None], self.radar, bounces, pruning.PRUNE)
+        self._strong[bounces] = self._strongest(static, searched.sequences, setting.radar_pose)
+        self._searches[self._key(setting)] = searched
+        while len(self._searches) > KEPT:
+            self._searches.pop(next(iter(self._searches)))
+
+    def sketch(self, setting: LiveSetting) -> None:
+        """Search the strongest sequences with at most one diffraction at the pose of a setting in a flat room, for drafts."""
+        static, bounces = self._static(setting), setting.max_bounces
+        assert static is not None
+        strong = self._strongest(static, self._single_diffractions(static, setting, bounces), setting.radar_pose)
+        known = self._strong.get(bounces)
+        self._strong[bounces] = strong if known is None else Sequences.union([known, strong])[0]
 
     def _single_diffractions(self, static: StaticScene, setting: LiveSetting, max_bounces: int) -> Sequences:
         return static.room.single_diffractions(setting.radar_pose, self.radar, max_bounces, pruning.PRUNE)
@@ -122,33 +101,18 @@ class LiveTracer:
         levels = static.room.levels(sequences, pose, self.radar)
         return sequences.where(np.sort(np.argsort(-levels, kind="stable")[:DRAFT_SEQUENCES]))
 
-    def learn(self, setting: LiveSetting, searched: Searched | None, strong: Sequences) -> None:
-        """Use the sequences `searched` for this setting from now on, and the sequences `strong` for drafts at other poses.
-
-        If `searched` is None, the sequences `strong` come from `sketch` and are added to those that are known.
-        """
-        bounces = setting.max_bounces
-        known = self._strong.get(bounces)
-        if searched is None:
-            self._strong[bounces] = strong if known is None else Sequences.union([known, strong])[0]
-            return
-        self._strong[bounces] = strong
-        self._searches[self._key(setting)] = searched
-        while len(self._searches) > KEPT:
-            self._searches.popitem(last=False)
-
     def answer(self, setting: LiveSetting, complete: bool = False) -> LiveAnswer:
         """Compute the radar's answer. In a room of flat faces, a draft that needs no search is complete.
 
         Args:
-            complete: whether all sequences of faces and edges are searched first, if the answer needs this search (`needs_search`).
+            complete: whether to search first, if the answer needs it (`needs_search`).
         Raises:
             PoseError, SceneError: see `check`.
         """
         start = time.perf_counter()
         self.check(setting)
         if complete and self.needs_search(setting):
-            self.learn(setting, *self.search(setting))
+            self.search(setting)
         static, settings = self._static(setting), TraceSettings(max_bounces=setting.max_bounces)
         searched, draft = None, not complete
         if static is None:
@@ -161,7 +125,7 @@ class LiveTracer:
             settings = replace(settings, rays=DRAFT_RAYS)
         if draft:
             settings = replace(settings, coupling=False)
-        room, movables = self._rooms.with_materials(setting.materials), self._present(setting)
+        room, movables = self._room(setting.materials), self._present(setting)
         scene = Scene([*room, *(surface for movable in movables for surface in movable.surfaces)])
         motion = {movable.name: setting.object_poses[movable.name][None] for movable in movables}
         pose = setting.radar_pose[None]
@@ -173,7 +137,7 @@ class LiveTracer:
     def _draft_sequences(self, static: StaticScene, setting: LiveSetting) -> Sequences:
         bounces = setting.max_bounces
         if bounces not in self._strong:
-            self._strong[bounces] = self.sketch(setting)
+            self.sketch(setting)
             return self._strong[bounces]
         return Sequences.union([self._strong[bounces], self._single_diffractions(static, setting, min(DRAFT_BOUNCES, bounces))])[0]
 
@@ -181,7 +145,7 @@ class LiveTracer:
         return [movable for name, movable in self._movables.items() if name in setting.object_poses]
 
     def _static(self, setting: LiveSetting) -> StaticScene | None:
-        room = self._rooms.with_materials(setting.materials)
+        room = self._room(setting.materials)
         if not len(room):
             return None
         variant.activate("auto")

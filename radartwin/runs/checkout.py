@@ -18,10 +18,9 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @functools.cache
 def commit() -> tuple[str, bool]:
-    """Return the commit of this package's checkout, and whether files differ from the commit.
+    """Return the commit of this package's checkout, and whether files differ from the commit; ("none", False) outside a checkout.
 
-    Outside a checkout, return ("none", False). If git fails, for example because the repository belongs to another user, warn with git's
-    message and return ("unknown", True), because changes cannot be excluded.
+    If git fails, warn with its message and return ("unknown", True), because changes cannot be excluded.
     """
     if not (ROOT / ".git").exists():
         return "none", False

@@ -17,7 +17,7 @@ from radartwin.errors import OutputError
 from radartwin.io import files
 from radartwin.io.one_line import plural
 from radartwin.runs.checkout import commit
-from radartwin.store.clean import CACHE, cache_bytes
+from radartwin.store.products import CACHE
 
 LIBRARIES = ("mitsuba", "drjit", "numpy", "scipy", "trimesh", "hydra-core", "mlflow", "matplotlib")
 DISK_NEEDED_GB = 5.0  # free disk space that runs need; the quick profile writes less than 1 GB, the paper profile a few GB
@@ -25,10 +25,7 @@ DISK_NEEDED_GB = 5.0  # free disk space that runs need; the quick profile writes
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of the report that `radartwin doctor` prints.
-
-    With status `missing` the machine cannot run simulations; with status `note` it can.
-    """
+    """One line of the report that `radartwin doctor` prints. With status `missing`, the machine cannot run simulations."""
 
     topic: str
     status: Literal["ok", "note", "missing"]
@@ -140,10 +137,9 @@ def _disk(output: Path) -> Finding:
 
 
 def _cache(output: Path) -> Iterator[Finding]:
-    if sizes := cache_bytes(output):
-        largest = ", ".join(f"{kind} {size / 1e6:.0f}" for kind, size in list(sizes.items())[:3])
-        text = f"{sum(sizes.values()) / 1e6:.0f} MB in {output / CACHE}; radartwin clean --cache deletes it (largest, MB: {largest})"
-        yield Finding("cache", "ok", text)
+    if (output / CACHE).is_dir():
+        size_mb = files.folder_bytes(output / CACHE) / 1e6
+        yield Finding("cache", "ok", f"{size_mb:.0f} MB in {output / CACHE}; runs compute again what is deleted there")
 
 
 def _tracking(output: Path) -> Finding:

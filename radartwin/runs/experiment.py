@@ -6,7 +6,6 @@ result is saved in the store on disk, so a second run of the same configuration 
 
 from __future__ import annotations
 
-import csv
 import importlib
 import math
 import numbers
@@ -37,45 +36,27 @@ MODELS = "models"  # name of the folder for trained models within a stored resul
 
 @dataclass
 class Result:
-    """The result of one experiment.
-
-    Attributes:
-        table: name of the result table.
-        rows: rows of the result table as dictionaries. The first columns state the conditions; SCORE_COLUMNS and `run_keys` follow.
-        figures: mapping from a figure's name to the function that draws it. If the result was read from the store on disk,
-            `figures` maps the name to the path of the figure's files, without their suffix.
-        metrics: mapping from name to the numbers that MLflow shows; about thirty at most, without brackets in the names.
-        keys: keys of the stored data that the result was computed from.
-        run_key: key of the stored result; the runner sets it.
-        folder: folder of the stored result, with the rows in TABLE_FILE; the runner sets it.
-        models: mapping from name to trained model. If the result was read from the store on disk, `models` maps the name to a folder.
-    """
+    """The result of one experiment."""
 
     table: str
-    rows: Sequence[dict[str, Any]]
-    figures: Mapping[str, Callable[[], Figure] | Path] = field(default_factory=dict)
-    metrics: Mapping[str, float] = field(default_factory=dict)
-    keys: list[str] = field(default_factory=list)
-    run_key: str = ""
-    folder: Path | None = None
-    models: Mapping[str, Model | Path] = field(default_factory=dict)
+    rows: Sequence[dict[str, Any]]  # columns: the conditions, then SCORE_COLUMNS and `run_keys`
+    figures: Mapping[str, Callable[[], Figure] | Path] = field(default_factory=dict)  # read from the store: paths without suffix
+    metrics: Mapping[str, float] = field(default_factory=dict)  # numbers for MLflow, about thirty, without brackets in the names
+    keys: list[str] = field(default_factory=list)  # keys of the stored data that the result was computed from
+    run_key: str = ""  # set by the runner, as is `folder`
+    folder: Path | None = None  # folder of the stored result, with the rows in TABLE_FILE
+    models: Mapping[str, Model | Path] = field(default_factory=dict)  # trained models; read from the store: folders
 
 
 @dataclass(frozen=True)
 class Table:
-    """Describes how the report shows the result table of an experiment. Each experiment module assigns its description to `TABLE`.
+    """Describes how the report shows the result table of an experiment. Each experiment module assigns its description to `TABLE`."""
 
-    Attributes:
-        name: name of the experiment (conf/experiment/NAME.yaml) and of the files with its result table.
-        chart: function of the table rows that returns an HTML page with an interactive chart; the report shows it beside the figures.
-        timed: whether the experiment measures run times, so that no other table may be computed at the same time.
-    """
-
-    name: str
+    name: str  # of the experiment (conf/experiment/NAME.yaml) and of the files with its result table
     title: str
     caption: str
-    chart: Callable[[Sequence[dict[str, Any]]], str] | None = None
-    timed: bool = False
+    chart: Callable[[Sequence[dict[str, Any]]], str] | None = None  # returns an HTML page with an interactive chart of the rows
+    timed: bool = False  # whether the table states run times, so that no other table may be computed at the same time
 
 
 class Model(Protocol):
@@ -99,8 +80,7 @@ def load(experiment: ExperimentConfig) -> ModuleType:
     """Import and return the module of the configured experiment.
 
     Raises:
-        ConfigError: the module does not exist, or has no function `run`, or belongs to this project and does not read an option that the
-            configuration sets.
+        ConfigError: the module is absent, has no function `run`, or belongs to this project and does not read a configured option.
     """
     name = module_name(experiment)
     checkout.add_to_path()
@@ -132,11 +112,7 @@ def declared(experiment: ExperimentConfig) -> Table:
 
 
 def check_rows(table: str, rows: Sequence[dict[str, Any]]) -> None:
-    """Check that every row of a result table has the score columns, a known verdict, and a value inside its confidence interval.
-
-    Raises:
-        InputError: a row is wrong; the message names the table, the row and the column.
-    """
+    """Check that every row of a table has the score columns, a known verdict, and a value inside its interval. Raises InputError."""
     for number, row in enumerate(rows, 1):
         where = f"table {table}, row {number}"
         missing = [c for c in (*SCORE_COLUMNS, "run_keys") if c not in row]
@@ -168,10 +144,8 @@ def save(result: Result, folder: Path) -> None:
     metrics = {name: float(value) for name, value in result.metrics.items()}
     names = {"figures": sorted(result.figures), "models": sorted(result.models)}
     save_json(folder, "result", {"table": result.table, "rows": rows, "metrics": metrics, "keys": result.keys, **names})
-    with (folder / TABLE_FILE).open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.DictWriter(stream, list(dict.fromkeys(column for row in rows for column in row)), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    columns = list(dict.fromkeys(column for row in rows for column in row))
+    (folder / TABLE_FILE).write_text(files.csv_text(rows, columns), encoding="utf-8", newline="")
     for name, model in result.models.items():
         if not isinstance(model, Path):
             model.save(folder / MODELS / name)
@@ -183,13 +157,7 @@ def save(result: Result, folder: Path) -> None:
 
 
 def read(product: Product) -> Result:
-    """Read a result from its folder in the store.
-
-    The figures of the result are paths without suffix. Each figure has a .png and a .pdf file.
-
-    Raises:
-        InputError: the stored data is not a result, or names files outside its folder.
-    """
+    """Read a result from its folder in the store, with the figures as paths without suffix. Raises InputError if it is damaged."""
     try:
         content = product.read_json("result")
         figures = {name: files.inside(product.path / "figures", name) for name in content["figures"]}

@@ -34,24 +34,21 @@ STATUSES = (DONE, CACHED, FAILED, REFUSED, UNFINISHED)
 
 @dataclass(frozen=True)
 class Outcome:
-    """How one job of a sweep ended.
-
-    The status is "done", "cached" (an earlier run finished the job), "failed" (by a programming error, or because the job or a worker was
-    killed), "refused" (because of wrong user input) or "not run".
-
-    Attributes:
-        line: text with the number of results computed and reused, or with the reason of a failure.
-        seconds: wall-clock run time of the job.
-        log: path of the job's log file; empty if the job wrote no log text.
+    """How one job of a sweep ended: done, cached (an earlier run finished it), failed (by a defect or a kill), refused (wrong input) or not
+    run.
     """
 
     job: str
     status: str
-    line: str = ""
+    line: str = ""  # counts of computed and reused results, or the reason of a failure
     run_key: str = ""
-    seconds: float = 0.0
-    log: str = ""
+    seconds: float = 0.0  # wall-clock run time
+    log: str = ""  # path of the log file; empty without log text
     metrics: Mapping[str, float] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        key = f"run {self.run_key[:8]}, " if self.run_key else ""
+        return f"{self.status:8s} {self.job}: {key}{self.line} ({self.seconds:.1f} s)"
 
     @property
     def finished(self) -> bool:
@@ -76,11 +73,7 @@ def job_name(overrides: Sequence[str]) -> str:
 
 @dataclass(frozen=True)
 class Job:
-    """One job of a sweep. A launcher may send it to another process or machine.
-
-    Attributes:
-        folder: folder of the job's files, which the job's number names.
-    """
+    """One job of a sweep, which a launcher may send to another machine. The number of the job names the folder of its files."""
 
     overrides: Sequence[str]
     config: Config
@@ -91,7 +84,7 @@ class Job:
         return job_name(self.overrides)
 
     def lost(self, reason: str, *logs: Path) -> Outcome:
-        """Note that the job has failed without an outcome of its own. The first log file with text is named in the outcome."""
+        """Note that the job has failed without an outcome of its own. The outcome names the first log file with text."""
         written = (str(log) for log in (self.folder / LOG, *logs) if log.exists() and log.stat().st_size)
         outcome = Outcome(self.name, FAILED, reason, log=next(written, ""))
         outcome.write(self.folder)
@@ -115,12 +108,9 @@ def run(job: Job) -> Outcome:
 def _outcome(job: Job) -> Outcome:
     try:
         result, counts = run_experiment(job.config, job.overrides, Progress(label=job.name))
-    except CrashError as error:
-        print(error, file=sys.stderr)
-        return Outcome(job.name, FAILED, one_line(error))
     except UserError as error:
         print(error, file=sys.stderr)
-        return Outcome(job.name, REFUSED, one_line(error))
+        return Outcome(job.name, FAILED if isinstance(error, CrashError) else REFUSED, one_line(error))
     except MemoryError as error:
         traceback.print_exc()
         return Outcome(job.name, FAILED, f"out of memory ({error}); run fewer jobs at once" if str(error) else "out of memory")
@@ -133,14 +123,10 @@ def _outcome(job: Job) -> Outcome:
 class _Both(io.TextIOBase):
     """A text stream that writes to two other streams. It does not count as a terminal, so progress is printed line by line."""
 
-    def __init__(self, first: TextIO, second: TextIO) -> None:
-        self._streams = (first, second)
+    def __init__(self, *streams: TextIO) -> None:
+        self._streams = streams
 
     def write(self, text: str) -> int:
         for stream in self._streams:
             stream.write(text)
         return len(text)
-
-    def flush(self) -> None:
-        for stream in self._streams:
-            stream.flush()

@@ -64,8 +64,9 @@ def search(overrides: Sequence[str], config_dirs: Sequence[Path], goal: SearchGo
     with Sweep(first, [*fixed, *middle], ["--search", goal.metric, *overrides, *folders(config_dirs)], composer, title) as running:
         while (done := len(_finished(study))) < goal.trials:
             trials = [study.ask(searched) for _ in range(min(goal.at_once, goal.trials - done))]
-            jobs = {trial.number: _job(composer, fixed, trial) for trial in trials}
-            running.run(jobs, total=goal.trials)
+            proposed = [[*fixed, *(f"{key}={_text(value)}" for key, value in trial.params.items())] for trial in trials]
+            jobs = zip(trials, proposed, composed(proposed, composer), strict=True)
+            running.run({trial.number: (job, config) for trial, job, config in jobs}, total=goal.trials)
             for trial in trials:
                 _report(study, trial, running.outcomes[trial.number], goal.metric)
     status = running.close()
@@ -101,10 +102,7 @@ def space(overrides: Sequence[str]) -> tuple[list[str], dict[str, BaseDistributi
 
 
 def _study(first: Config, fixed: Sequence[str], searched: dict[str, BaseDistribution], goal: SearchGoal) -> tuple[Study, Path]:
-    """Open or create Optuna's database for this search space. Trials that a killed process left unfinished are queued again.
-
-    Returns: the Optuna study, and the path of its database file.
-    """
+    """Open or create Optuna's database for this search space, and queue trials again that a killed process left unfinished."""
     optuna = _optuna()
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     described = {key: repr(distribution) for key, distribution in searched.items()}
@@ -127,12 +125,6 @@ def _study(first: Config, fixed: Sequence[str], searched: dict[str, BaseDistribu
     return study, place
 
 
-def _job(composer: Composer, fixed: Sequence[str], trial: Trial) -> tuple[list[str], Config]:
-    overrides = [*fixed, *(f"{key}={_text(value)}" for key, value in trial.params.items())]
-    (config,) = composed([overrides], composer)
-    return overrides, config
-
-
 def _report(study: Study, trial: Trial, outcome: Outcome, metric: str) -> None:
     optuna = _optuna()
     value = outcome.metrics.get(metric)
@@ -149,9 +141,7 @@ def _report(study: Study, trial: Trial, outcome: Outcome, metric: str) -> None:
 
 def _finished(study: Study) -> list[Any]:
     """Return the completed trials and the trials that failed for a stated reason, but not the trials that were interrupted by a kill."""
-    optuna = _optuna()
-    complete = study.get_trials(deepcopy=False, states=(optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.FAIL))
-    return [trial for trial in complete if trial.state == optuna.trial.TrialState.COMPLETE or "reason" in trial.user_attrs]
+    return [trial for trial in study.get_trials(deepcopy=False) if trial.value is not None or "reason" in trial.user_attrs]
 
 
 def _best(study: Study, goal: SearchGoal) -> str:

@@ -11,7 +11,7 @@ import json
 import os
 import sys
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -27,19 +27,13 @@ from radartwin.runs.experiment import LIMITS, TABLE_FILE, VERDICTS, Result, load
 from radartwin.runs.tracking import Tracker
 from radartwin.store import products
 from radartwin.store.digest import semantic
-from radartwin.store.products import RUN, Counts, Store
+from radartwin.store.products import RUN, Counts, Product, Store
 
 _UNNAMED = ("experiment", "output", "jobs", "tracking", "hydra")  # overrides that are left out of the name of a run
 
 
 def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Progress | None = None) -> tuple[Result, Counts]:
-    """Compute the result of a configured experiment, or read it from the store if an earlier run finished it.
-
-    Returns: the result, and how many stored results were computed and how many were reused.
-
-    Raises:
-        UserError: the configuration cannot be run.
-    """
+    """Compute the result of a configured experiment, or read it from the store. Return it with the counts of results."""
     from radartwin.store import array_cache  # imports NumPy
 
     progress = progress or Progress()
@@ -47,33 +41,44 @@ def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Prog
     store = Store(Path(config.output) / "cache", progress.say)
     tracker = Tracker(config.tracking, Path(config.output))
     spec, entries = _identity(config)
-    key = store.key(RUN, spec, entries)
     name, named = config.experiment.name or entries[0], naming(overrides)
     text = next(iter((experiment.__doc__ or "").strip().splitlines()), "")
 
-    with products.counting() as counts, contextlib.ExitStack() as tracked:
-        records: list[Record] = []
+    def build(folder: Path) -> None:
+        with array_cache.in_folder(store.root / "paths"), _calling(config.experiment, "run"):
+            computed = experiment.run(config, store, progress)
+            if not isinstance(computed, Result):
+                raise TypeError(f"the experiment returned {type(computed).__name__} and not radartwin.runs.experiment.Result")
+            save(computed, folder)
+        (folder / "config.json").write_text(json.dumps(asdict(config), indent=1) + "\n", encoding="utf-8")
 
-        def track() -> None:
-            records.append(tracked.enter_context(tracker.run(name, key, _title(named) or name, named, text)))
-
-        def build(folder: Path) -> None:
-            track()
-            with array_cache.in_folder(store.root / "paths"), _calling(config.experiment, "run"):
-                computed = experiment.run(config, store, progress)
-                if not isinstance(computed, Result):
-                    raise TypeError(f"the experiment returned {type(computed).__name__} and not radartwin.runs.experiment.Result")
-                save(computed, folder)
-            (folder / "config.json").write_text(json.dumps(asdict(config), indent=1) + "\n", encoding="utf-8")
-
-        product = store.fetch(RUN, spec, entries, build)
+    shown = name, _title(named) or name, named, text
+    with products.counting() as counts, tracked(tracker, store, (RUN, spec, entries), build, *shown) as (product, record):
         result = read(product)
-        if product.reused and not tracker.known(name, key):  # the result was computed with tracking=off, or tracked on another server
-            track()
-        for record in records:
-            record.metrics, record.artifacts = result.metrics, sorted(product.path.iterdir())
-            record.inputs = _keys_by_kind(store, result.keys)
+        record.metrics, record.artifacts = result.metrics, sorted(product.path.iterdir())
+        record.inputs = _keys_by_kind(store, result.keys)
     return result, counts
+
+
+@contextlib.contextmanager
+def tracked(
+    tracker: Tracker, store: Store, described: tuple[str, dict[str, Any], list[str]], build: Callable[[Path], object], table: str, *run: Any
+) -> Iterator[tuple[Product, Record]]:
+    """Fetch a stored result (kind, spec and entries as in `Store.fetch`) within an MLflow run, unless MLflow holds its run already.
+
+    `run` holds the further arguments of `Tracker.run`. Yields the result, and the record to fill with the data to log.
+    """
+    key, records = store.key(*described), list[Record]()
+    with contextlib.ExitStack() as runs:
+
+        def build_tracked(folder: Path) -> None:
+            records.append(runs.enter_context(tracker.run(table, key, *run)))
+            build(folder)
+
+        product = store.fetch(*described, build_tracked)
+        if product.reused and not tracker.known(table, key):  # computed with tracking=off, or tracked on another server
+            records.append(runs.enter_context(tracker.run(table, key, *run)))
+        yield product, records[0] if records else Record()
 
 
 def _calling(experiment: ExperimentConfig, what: str) -> contextlib.AbstractContextManager[None]:
@@ -103,10 +108,7 @@ def run_key(config: Config) -> str:
 
 
 def _identity(config: Config) -> tuple[dict[str, Any], list[str]]:
-    """Return the values from which the run key is computed, and the names of the experiment's modules.
-
-    The values are the configuration and additions of the experiment module, such as the machine name in a timing experiment.
-    """
+    """Return the values of the run key (the configuration and additions of the experiment module), and the experiment's modules."""
     identity = getattr(load(config.experiment), "identity", dict)
     with _calling(config.experiment, "identity"):
         additions = identity()

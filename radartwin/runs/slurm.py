@@ -12,7 +12,6 @@ import os
 import subprocess
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,42 +24,37 @@ GRACE = 4  # looks at the queue until a job that left it without outcome.json ha
 WAITING = ("PENDING", "RUNNING", "COMPLETING", "CONFIGURING", "REQUEUED", "SUSPENDED", "RESIZING", "SIGNALING", "STAGE_OUT", "STOPPED")
 
 
-@dataclass(frozen=True)
-class Slurm:
-    """Run the jobs on a SLURM cluster; `settings` are the keys below hydra.launcher (conf/hydra/launcher/slurm.yaml)."""
+def run_on_slurm(settings: Mapping[str, Any], jobs: Sequence[Job], ended: Callable[[Job, Outcome], None]) -> None:
+    """Submit the jobs as one SLURM job array, and call `ended` for each job as soon as it has ended.
 
-    settings: Mapping[str, Any]
+    Args:
+        settings: keys below hydra.launcher (conf/hydra/launcher/slurm.yaml).
+    Raises:
+        BackendError: SLURM is not installed here, or refuses the submission.
+        ConfigError: RADARTWIN_SLURM_POLL is not a number of seconds above zero.
+    """
+    from hydra_plugins.hydra_submitit_launcher.config import BaseQueueConf
+    from submitit import AutoExecutor
+    from submitit.core.utils import FailedJobError
 
-    def run(self, jobs: Sequence[Job], ended: Callable[[Job, Outcome], None]) -> None:
-        """Submit the jobs as one SLURM job array, and call `ended` for each job as soon as it has ended.
-
-        Raises:
-            BackendError: SLURM is not installed here, or refuses the submission.
-            ConfigError: RADARTWIN_SLURM_POLL is not a number of seconds above zero.
-        """
-        from hydra_plugins.hydra_submitit_launcher.config import BaseQueueConf
-        from submitit import AutoExecutor
-        from submitit.core.utils import FailedJobError
-
-        poll_s = _poll_s()
-        logs = jobs[0].folder.parent / self.settings["submitit_folder"]
-        apart, shared = {"_target_", "submitit_folder", "max_num_timeout"}, set(BaseQueueConf.__dataclass_fields__)
-        settings = {name if name in shared else f"slurm_{name}": value for name, value in self.settings.items() if name not in apart}
-        try:
-            executor = AutoExecutor(folder=logs, cluster="slurm", slurm_max_num_timeout=self.settings["max_num_timeout"])
-            executor.update_parameters(**settings)
-            submitted = executor.map_array(run, list(jobs))
-        except (RuntimeError, FailedJobError) as error:
-            reason = one_line(error)[-300:]
-            raise BackendError(f"hydra/launcher=slurm: {reason}; run it where sbatch works, or choose another launcher") from error
-        ids = [job.job_id for job in submitted]
-        print(f"slurm: {plural(len(ids), 'job')} submitted as {_array(ids)}; scancel {_array(ids)} stops them", flush=True)
-        _wait(dict(zip(ids, jobs, strict=True)), poll_s, logs, ended)
+    poll_s = _poll_s()
+    logs = jobs[0].folder.parent / settings["submitit_folder"]
+    apart, shared = {"_target_", "submitit_folder", "max_num_timeout"}, set(BaseQueueConf.__dataclass_fields__)
+    try:
+        executor = AutoExecutor(folder=logs, cluster="slurm", slurm_max_num_timeout=settings["max_num_timeout"])
+        executor.update_parameters(**{key if key in shared else f"slurm_{key}": settings[key] for key in settings if key not in apart})
+        submitted = executor.map_array(run, list(jobs))
+    except (RuntimeError, FailedJobError) as error:
+        reason = one_line(error)[-300:]
+        raise BackendError(f"hydra/launcher=slurm: {reason}; run it where sbatch works, or choose another launcher") from error
+    array = submitted[0].job_id.partition("_")[0]
+    print(f"slurm: {plural(len(jobs), 'job')} submitted as {array}; scancel {array} stops them", flush=True)
+    _wait(array, {sent.job_id: job for sent, job in zip(submitted, jobs, strict=True)}, poll_s, logs, ended)
 
 
-def _wait(jobs: dict[str, Job], poll_s: float, logs: Path, ended: Callable[[Job, Outcome], None]) -> None:
+def _wait(array: str, jobs: dict[str, Job], poll_s: float, logs: Path, ended: Callable[[Job, Outcome], None]) -> None:
     """Wait until each job of the SLURM array has ended. A job that left the SLURM queue without writing outcome.json has failed."""
-    array, gone_since = _array(list(jobs)), dict[str, float]()
+    gone_since = dict[str, float]()
     while jobs:
         for number, job in list(jobs.items()):
             if outcome := Outcome.read(job.folder):
@@ -68,8 +62,8 @@ def _wait(jobs: dict[str, Job], poll_s: float, logs: Path, ended: Callable[[Job,
                 ended(job, outcome)
         states = queue_states(array) if jobs else {}
         for number, job in list(jobs.items()):
-            state = states.get(number, "")
-            if states is UNREACHABLE or state in WAITING:
+            state = states.get(number, "") if states is not None else None
+            if state is None or state in WAITING:
                 gone_since.pop(number, None)
             elif time.monotonic() - gone_since.setdefault(number, time.monotonic()) >= GRACE * poll_s:
                 reason = f"SLURM job {number} ended {state or 'and left the queue'} without a result"
@@ -78,15 +72,12 @@ def _wait(jobs: dict[str, Job], poll_s: float, logs: Path, ended: Callable[[Job,
             time.sleep(poll_s)
 
 
-UNREACHABLE: dict[str, str] = {}  # returned if SLURM does not answer; `is` comparison distinguishes it from an empty queue
-
-
-def queue_states(array: str) -> dict[str, str]:
-    """Return the states of a SLURM array's jobs that are still in the queue, by job id, such as {"12_3": "RUNNING"}."""
+def queue_states(array: str) -> dict[str, str] | None:
+    """Return the states of a SLURM array's queued jobs by job id, such as {"12_3": "RUNNING"}; None if SLURM does not answer."""
     command = ["squeue", "--noheader", "--array", "--states=all", f"--jobs={array}", "--format=%i %T"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode and "Invalid job id" not in done.stderr:
-        return UNREACHABLE
+        return None
     return dict(line.split()[:2] for line in done.stdout.splitlines() if len(line.split()) >= 2) if not done.returncode else {}
 
 
@@ -96,7 +87,3 @@ def _poll_s() -> float:
         if 0 < float(text) < math.inf:
             return float(text)
     raise ConfigError(f"RADARTWIN_SLURM_POLL={text} is not a number of seconds above zero; correct it or unset it")
-
-
-def _array(ids: Sequence[str]) -> str:
-    return ids[0].partition("_")[0]

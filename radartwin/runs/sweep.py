@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import csv
-import io
 import json
 import re
 import shlex
@@ -26,13 +25,11 @@ from radartwin.io import files, untrusted_json
 from radartwin.runs.checkout import commit
 from radartwin.runs.experiment import load, module_name
 from radartwin.runs.job import FAILED, OUTCOME, REFUSED, STARTED, STATUSES, UNFINISHED, Job, Outcome, job_name, run
-from radartwin.runs.launchers import Parallel, Serial, status_line
+from radartwin.runs.launchers import launcher
 from radartwin.runs.run import extend_path, finished, naming
-from radartwin.runs.slurm import Slurm
 from radartwin.runs.tracking import Tracker
-from radartwin.store.clean import CACHE
 from radartwin.store.digest import spec_digest
-from radartwin.store.products import KEY_LENGTH, RUN, SHORT
+from radartwin.store.products import CACHE, KEY_LENGTH, RUN, SHORT
 
 TABLE, DESCRIPTION = "jobs.csv", "sweep.json"
 
@@ -52,10 +49,9 @@ def sweep(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
 
 
 class Sweep:
-    """A running sweep: its folder, its parent run in MLflow, its launcher, and how the finished jobs ended.
+    """A running sweep. Its folder holds sweep.json (experiment, command and commit), jobs.csv (a row per job), and a folder per job.
 
-    The same command uses the same folder again, and waits while another process runs it. The folder holds sweep.json (experiment, command
-    and commit), jobs.csv (a row per job), and a folder for each job, which its number names.
+    The same command uses the same folder again, and waits while another process runs it.
 
     Args:
         first: configuration of one job; all jobs of a sweep have the same result table and output folder.
@@ -70,7 +66,7 @@ class Sweep:
         load(first.experiment)
         table = first.experiment.name or module_name(first.experiment)
         option, settings, folder = composer.launching([*overrides, *split(command)[1]])
-        self._launcher = Slurm(settings) if option == "slurm" else Parallel(**settings) if option == "joblib" else Serial()
+        self._launch = launcher(option, settings)
         self._key = spec_digest([table, title])[:KEY_LENGTH]
         usual = Path(first.output) / "sweeps" / f"{re.sub(r'[^A-Za-z0-9_.-]', '_', table)}_{self._key[:SHORT]}"
         self.folder = Path(folder or usual).absolute()
@@ -109,10 +105,7 @@ class Sweep:
                 self._tracker.end_sweep(self._parent, status, table if table.exists() else None)
 
     def run(self, jobs: Mapping[int, tuple[list[str], Config]], total: int | None = None) -> None:
-        """Run the sweep's jobs; `jobs` maps the job number to (overrides, configuration).
-
-        Results of jobs that are already finished are read from the store.
-        """
+        """Run the jobs by number, each (overrides, configuration). Results of finished jobs are read from the store."""
         self._total = total or len(jobs)
         self._jobs |= {number: overrides for number, (overrides, _) in jobs.items()}
         prepared: list[Job] = []
@@ -126,16 +119,16 @@ class Sweep:
             else:
                 prepared.append(job)
         if prepared:
-            self._launcher.run(prepared, lambda job, outcome: self._ended(int(job.folder.name), outcome))
+            self._launch(prepared, lambda job, outcome: self._ended(int(job.folder.name), outcome))
 
     def _ended(self, number: int, outcome: Outcome) -> None:
         self.outcomes[number] = outcome
-        print(f"[{len(self.outcomes)}/{self._total}] {status_line(outcome)}", flush=True)
+        print(f"[{len(self.outcomes)}/{self._total}] {outcome}", flush=True)
 
     def close(self) -> int:
         """Print the table of the sweep's jobs. Return the exit status."""
         for outcome in sorted(self.outcomes.values(), key=lambda o: STATUSES.index(o.status)):
-            print(f"{status_line(outcome)}{f'; log {outcome.log}' if outcome.log and not outcome.finished else ''}")
+            print(f"{outcome}{f'; log {outcome.log}' if outcome.log and not outcome.finished else ''}")
         print(self._totals())
         statuses = {outcome.status for outcome in self.outcomes.values()}
         return 1 if statuses & {FAILED, UNFINISHED} else 2 if REFUSED in statuses else 0
@@ -154,9 +147,7 @@ class Sweep:
         return "sweep: " + ", ".join(f"{n} {status}" for status, n in counts.items()) + f"; {self.folder / TABLE}"
 
     def _table(self) -> str:
-        """Format the jobs as CSV, with a column per option and per metric, and the folder of the result. Trials of a search that an earlier
-        command ran keep their rows.
-        """
+        """Format the jobs as CSV, with a column per option and per metric. Trials of an earlier command of a search keep their rows."""
         table = self.folder / TABLE
         earlier = csv.DictReader(table.read_text(encoding="utf-8").splitlines()) if table.exists() else ()
         known: dict[int, dict[str, Any]] = {int(row["job"]): row for row in earlier if row.get("job", "").isdecimal()}
@@ -169,11 +160,7 @@ class Sweep:
         rows = [known[number] for number in sorted(known)]
         last = ("result", "line", "log", "seconds")
         columns = [column for column in dict.fromkeys(column for row in rows for column in row) if column not in last]
-        text = io.StringIO()
-        writer = csv.DictWriter(text, [*columns, *last], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-        return text.getvalue()
+        return files.csv_text(rows, [*columns, *last])
 
 
 def folders(config_dirs: Sequence[Path]) -> list[str]:

@@ -15,7 +15,7 @@ import socket
 import sqlite3
 import time
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -29,7 +29,6 @@ from radartwin.runs.experiment import MODELS
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
-    from mlflow.entities import Metric
 
 DATABASE, ARTIFACTS = "mlflow.db", "mlflow-artifacts"
 KIND = {"mlflow.experimentKind": "custom_model_development"}  # with this tag, MLflow's experiment page opens on the table of runs
@@ -41,11 +40,8 @@ MAX_METRICS = 40  # largest number of metrics per run; a run has about thirty nu
 
 
 class Tracker:
-    """Tracks the runs of one output folder in MLflow. The constructor only checks the database; the method `prepare` opens it.
+    """Tracks the runs of one output folder in MLflow, or does nothing if tracking is off. The method `prepare` opens the database.
 
-    Args:
-        config: tracking settings; if `config.backend` is "off", every method of `Tracker` does nothing.
-        output: root folder of all output.
     Raises:
         BackendError, OutputError: the SQLite database cannot be opened or created.
     """
@@ -85,14 +81,13 @@ class Tracker:
     def run(self, table: str, key: str, name: str, params: Mapping[str, str], text: str = "") -> Iterator[Record]:
         """Within the `with` block, track one run in MLflow. Yield the record that the caller fills with the data to log.
 
-        If an error leaves the block, the MLflow run is marked as failed.
+        If an error leaves the block, the MLflow run is marked as failed. An unfinished run with the same key must have been killed, so it
+        is marked as killed.
 
         Args:
-            table: name of the MLflow experiment, which is the name of the result table.
-            key: run key, stored as a tag. An unfinished MLflow run with the same key must have been killed, so it is marked as killed.
-            name: beginning of the MLflow run's name; the first characters of the run key are appended.
+            table: name of the result table and of the MLflow experiment, which has the description `text`.
+            key: run key, stored as a tag; its first characters follow `name` in the name of the MLflow run.
             params: configuration values of the run that MLflow shows, by name.
-            text: description of the MLflow experiment.
         """
         record = Record()
         if self.off:
@@ -111,17 +106,15 @@ class Tracker:
             record.run_id = client.create_run(experiment_id, run_name=f"{name} {key[:8]}", tags=tags).info.run_id
         began, clock = int(time.time() * 1000), time.monotonic()
         status, error = "FINISHED", ""
-        samples: list[Metric] = []
         try:
-            with artifacts.machine(record.run_id, self.uri) as samples:
-                yield record
+            yield record
         except BaseException as raised:
             status, error = "KILLED" if isinstance(raised, KeyboardInterrupt | SystemExit) else "FAILED", hidden(str(raised))[:500]
             raise
         finally:
             ended = began + int((time.monotonic() - clock) * 1000)  # the monotonic clock is not affected if the system time is changed
             try:
-                self._end(record, params, samples, status, error, ended)
+                self._end(record, params, status, error, ended)
             except (BackendError, OutputError) as lost:
                 warnings.warn(f"run {key[:8]} is not complete in MLflow: {lost}; its result is kept", stacklevel=1)
 
@@ -139,10 +132,7 @@ class Tracker:
             return client.create_run(experiment_id, run_name=name, tags=tags).info.run_id
 
     def end_sweep(self, run_id: str | None, status: Literal["FINISHED", "FAILED", "KILLED"], table: Path | None = None) -> None:
-        """End a sweep's parent run in MLflow with the table of the sweep's jobs and a link that compares them.
-
-        An error only causes a warning.
-        """
+        """End a sweep's parent run with the table of its jobs and a link that compares them. An error only causes a warning."""
         if run_id is None:
             return
         try:
@@ -193,7 +183,7 @@ class Tracker:
         location = f"{self.artifacts}/{table}" if self._database else None
         return client.create_experiment(table, artifact_location=location, tags=KIND)
 
-    def _end(self, record: Record, params: Mapping[str, str], samples: Sequence[Metric], status: str, error: str, ended_ms: int) -> None:
+    def _end(self, record: Record, params: Mapping[str, str], status: str, error: str, ended_ms: int) -> None:
         from mlflow.entities import Metric, Param, RunTag
 
         if len(record.metrics) > MAX_METRICS:
@@ -214,7 +204,6 @@ class Tracker:
                 params=[Param(name, value) for name, value in params.items()],
                 tags=[RunTag("error", error)] if error else [],
             )
-            artifacts.log_metrics(client, record.run_id, samples)
             if record.inputs:
                 client.log_inputs(record.run_id, artifacts.datasets(record.inputs))
             client.set_terminated(record.run_id, status, ended_ms)
@@ -225,15 +214,10 @@ def _of_key(client: MlflowClient, experiment_id: str, key: str) -> list[Any]:
 
 
 def _prepare_environment() -> None:
-    """Switch off mlflow's telemetry, its migration log, its warning about missing git, and redirects, which could lead to another server.
-
-    Call this function before the first import of mlflow. Settings of the user take precedence.
-    """
-    os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
-    os.environ.setdefault("DO_NOT_TRACK", "true")
-    os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "WARNING")
-    os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
-    os.environ.setdefault("MLFLOW_ALLOW_HTTP_REDIRECTS", "false")
+    """Before the first import of mlflow, switch off its telemetry, logs and redirects. Settings of the user take precedence."""
+    quiet = {"MLFLOW_DISABLE_TELEMETRY": "true", "DO_NOT_TRACK": "true", "MLFLOW_LOGGING_LEVEL": "WARNING", "GIT_PYTHON_REFRESH": "quiet"}
+    for name, value in {**quiet, "MLFLOW_ALLOW_HTTP_REDIRECTS": "false"}.items():
+        os.environ.setdefault(name, value)
     logging.getLogger("alembic").setLevel(logging.WARNING)
     logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)  # `_unusable` reports the same database error
 
@@ -255,9 +239,7 @@ def _check_database(path: Path) -> None:
 
 
 def _move_artifacts(database: Path, artifacts: str) -> None:
-    """Replace the locations of artifacts in a copied or moved output folder, because MLflow stores absolute locations. The caller holds the
-    lock of the database.
-    """
+    """Correct the absolute locations of artifacts in a copied or moved output folder. The caller holds the lock of the database."""
     here = f"{artifacts}/"
     elsewhere = f"artifact_location LIKE 'file:%/{ARTIFACTS}/' || name AND artifact_location != ? || name"
     with contextlib.closing(sqlite3.connect(database, timeout=30)) as connection, connection:

@@ -26,11 +26,9 @@ _reusing = False
 
 
 def worker_count(jobs: int, items: int) -> int:
-    """Return the number of workers for a number of items; 1 means that the calling process does the work itself.
+    """Return the number of workers for `items` function calls, of which each worker gets two; 1: the calling process does the work itself.
 
-    Args:
-        jobs: configured number of workers; 0 means as many as processor cores and memory allow.
-        items: number of function calls to distribute. Every worker but the last gets at least two items.
+    jobs: configured number of workers; 0 means as many as processor cores and memory allow.
     """
     if items < FEWEST_ITEMS or in_worker():
         return 1
@@ -53,23 +51,11 @@ def reused() -> Iterator[None]:
 
 
 def each(function: Callable[..., Any], items: Sequence[tuple[Any, ...]], jobs: int, done: Callable[[], None] = lambda: None) -> list[Any]:
-    """Return [function(*item) for item in items]. Worker processes compute the calls if there are enough items.
+    """Return [function(*item) for item in items], computed by worker processes if there are enough items.
 
-    Args:
-        function: a function defined in a module; its arguments and its result can be pickled.
-        items: one tuple of arguments per function call.
-        jobs: configured number of workers, see `worker_count`.
-        done: function that is called after each finished item.
-    Raises:
-        UserError, CrashError: for the same reasons as in the function `run`.
+    `run` describes the function and the errors, and `worker_count` describes `jobs`. `done` is called after each finished item.
     """
     count = worker_count(jobs, len(items))
-    if count == 1:
-        results = []
-        for item in items:
-            results.append(function(*item))
-            done()
-        return results
     by_number: dict[int, Any] = {}
     calls = ((function, number, item) for number, item in enumerate(items))
 
@@ -77,7 +63,11 @@ def each(function: Callable[..., Any], items: Sequence[tuple[Any, ...]], jobs: i
         number, by_number[number] = numbered
         done()
 
-    run(_numbered, lambda _: next(calls, None), on_result, count)
+    if count == 1:
+        for call in calls:
+            on_result(_numbered(*call))
+    else:
+        run(_numbered, lambda _: next(calls, None), on_result, count)
     return [by_number[number] for number in range(len(items))]
 
 
@@ -96,11 +86,9 @@ def run(
 
     Args:
         function: a function defined in a module; its arguments and its result can be pickled.
-        next_call: function that gets a worker's number (0 to count - 1) and returns the arguments of this worker's next call, or None
-            if the worker has no further calls.
-        on_result: function that is called with each returned value, in the order in which the calls finish.
-        count: number of worker processes.
-        fresh: True starts new workers. Run-time measurements need new workers, because earlier work in a worker makes later work faster.
+        next_call: gets a worker's number (0 to count - 1) and returns the arguments of its next call, or None for no further call.
+        on_result: is called with each returned value, in the order in which the calls finish.
+        fresh: True starts new workers, for measurements of run time, because earlier work in a worker makes later work faster.
     Raises:
         UserError: raised by the function.
         CrashError: a worker died or ran out of memory. Any other error is a programming error and carries the worker's traceback.
@@ -151,19 +139,17 @@ def _counted(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[
 def _pool_of(count: int, fresh: bool) -> ProcessPool:
     """Return the idle worker pool if it is large enough and none of its workers has died; otherwise return a new pool."""
     global _pool
-    if _pool is not None and (fresh or _pool.size < count or not _responds(_pool)):
-        _end_pool()
+    if _pool is not None:
+        try:
+            _pool.submit(os.getpid).result()
+            died = False
+        except BrokenProcessPool:
+            died = True
+        if died or fresh or _pool.size < count:
+            _end_pool()
     if _pool is None:
         _pool = ProcessPool(count)
     return _pool
-
-
-def _responds(pool: ProcessPool) -> bool:
-    try:
-        pool.submit(os.getpid).result()
-    except BrokenProcessPool:
-        return False
-    return True
 
 
 def _end_pool() -> None:

@@ -104,9 +104,7 @@ class ArrayCache:
             self._recent[key] = arrays
 
     def _evict(self, newest: Path) -> None:
-        """Remove the least recently used entries until the folder is within its size limit. Several processes may do so
-        at the same time.
-        """
+        """Remove the least recently used entries until the folder is within its limit. Several processes may do so at the same time."""
         assert self.folder is not None
         entries = []
         for path in self.folder.glob(f"*{_SUFFIX}"):
@@ -130,17 +128,13 @@ _shared = ArrayCache()
 
 
 def shared() -> ArrayCache:
-    """Return the array cache that all code in this process shares. This cache is in memory only, unless `in_folder` has set a folder for
-    it.
-    """
+    """Return the array cache of this process, which is in memory only within no `in_folder` block."""
     return _shared
 
 
 @contextlib.contextmanager
 def in_folder(folder: str | Path, max_bytes: int = MAX_BYTES) -> Iterator[ArrayCache]:
-    """Within the `with` block, make the array cache that all code in this process shares also use this folder, up to `max_bytes`. Raises
-    OutputError if the folder cannot be created or written.
-    """
+    """Within the `with` block, let the array cache of this process also use this folder, up to `max_bytes`. Raises OutputError."""
     global _shared
     before, _shared = _shared, ArrayCache(folder, max_bytes=max_bytes)
     try:

@@ -28,9 +28,7 @@ if TYPE_CHECKING:
 
 
 def spec_digest(spec: Any) -> str:
-    """Return the digest of a tree of dictionaries, lists, arrays, dataclasses and scalars. The order of dictionary keys does not change the
-    digest.
-    """
+    """Return the digest of a tree of dictionaries (in any order of keys), lists, arrays, dataclasses and scalars."""
     return hashlib.sha256(canonical(spec).encode()).hexdigest()
 
 
@@ -67,9 +65,7 @@ def _all_finite(array: Any) -> bool:
 
 
 def semantic(description: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass that influence a result. Fields marked `unkeyed` are left out, and the path of a file is replaced by
-    the digest of its content.
-    """
+    """Return the keyed fields of a dataclass. The path of a file is replaced by the digest of its content."""
     out = {}
     for field in dataclasses.fields(description):
         value = getattr(description, field.name)
@@ -89,9 +85,7 @@ def array_digest(array: np.ndarray) -> str:
 
 
 def path_digest(path: Path) -> str:
-    """Return the digest of a file's bytes, or of the relative names and bytes of all files in a folder. Raises MissingError if the path is
-    absent.
-    """
+    """Return the digest of a file's bytes, or of the names and bytes of all files in a folder. Raises MissingError if it is absent."""
     if path.is_file():
         files = [path]
     elif path.is_dir():
@@ -108,12 +102,7 @@ def path_digest(path: Path) -> str:
 
 def source_digest(entries: Iterable[str]) -> str:
     """Return the digest of the source code of all packages that the modules in `entries` import, directly or indirectly, and of the
-    installed versions of the packages in NUMERICAL.
-
-    Args:
-        entries: modules or packages where the computation starts, such as "experiments.campaign.truth" or "radartwin.simulation".
-    Raises:
-        ConfigError: an entry is neither a module nor a package.
+    versions of NUMERICAL. Raises ConfigError if an entry is neither a module nor a package.
     """
     return _source_digest(tuple(entries))
 
@@ -160,9 +149,7 @@ def _version(package: str) -> str:
 
 
 def include(top: str) -> None:
-    """Include a further top-level package or module in source digests, such as the module of a user's own experiment. If it is not a
-    package of this project, all source files are read again: for each table of the study, this would take 2 s.
-    """
+    """Include a further top-level package in source digests, such as the user's experiment. Otherwise all source files stay read."""
     if top not in source_files.OWN:
         source_files.include(top)
         forget()

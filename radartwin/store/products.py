@@ -34,15 +34,14 @@ if TYPE_CHECKING:
 KEY_LENGTH = 32  # 128 bits of the digest name the folder
 SHORT = 8
 META = "meta.json"
+CACHE = "cache"  # subfolder of the output folder with the stored results, all of which can be computed again
 NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 RUN = "run"  # kind of the stored results of experiments
 
 
 @dataclass(frozen=True)
 class Product:
-    """Hold the key of a stored result and the path of its folder. `reused` is True if the result was already in the store, and False if
-    this call computed it.
-    """
+    """A stored result. `reused` is True if it was already in the store, and False if this call computed it."""
 
     path: Path
     key: str
@@ -175,9 +174,7 @@ class Store:
         return Product(final, key, reused=False)
 
     def _complete(self, product: Path) -> bool:
-        """Return whether the files of a stored result are unchanged. The first check of a result reads the content of its files; later
-        checks compare only the file sizes.
-        """
+        """Return whether the files of a stored result are unchanged: at the first check their content, later only their sizes."""
         complete = _as_written(product, read=product not in self._verified)
         if complete:
             self._verified.add(product)
@@ -217,9 +214,7 @@ def _sizes(folder: Path) -> dict[str, int]:
 
 
 def _as_written(product: Path, read: bool) -> bool:
-    """Return whether every file has the size that meta.json records, and if `read` is True also the recorded content. Further files are
-    allowed, but links are not.
-    """
+    """Return whether every file has the size, and if `read` the content, that meta.json records. Links are refused."""
     try:
         meta = untrusted_json.read(product / META)
         if not meta["bytes"].items() <= _sizes(product).items() or any(path.is_symlink() for path in product.rglob("*")):

@@ -61,12 +61,6 @@ def test_a_simulator_joins_the_rows_and_replaces_only_its_own(folder: Path, tmp_
     assert float(board[-1]["seconds_per_frame"]) > 0
 
 
-def test_a_single_array_may_be_a_npy_file(folder: Path) -> None:
-    np.save(folder / "near.npy", quiet_signals("near")["trihedral 15 cm"])
-    change(folder, lambda near: near.update(file="near.npy", sha256=checksum(folder / "near.npy")))
-    assert entry_folder.read(folder)[1]["near"][0]["trihedral 15 cm"].shape == (11, 256)
-
-
 def change(folder: Path, edit: Callable[[dict[str, Any]], object]) -> None:
     described = json.loads((folder / entry_folder.DESCRIPTION).read_text())
     edit(described["problems"]["near"])
@@ -78,9 +72,9 @@ def checksum(path: Path) -> str:
 
 
 def put(folder: Path, array: np.ndarray, key: str = "trihedral 15 cm") -> None:
-    """Replace the array of the problem near, with a correct checksum and shape in method.json."""
+    """Replace the array of the problem near, with a correct checksum in method.json."""
     (folder / "near.npz").write_bytes(frozen_problems.packed({key: array}))
-    change(folder, lambda near: near.update(sha256=checksum(folder / "near.npz"), shapes={key: list(array.shape)}))
+    change(folder, lambda near: near.update(sha256=checksum(folder / "near.npz")))
 
 
 def edited(edit: Callable[[dict[str, Any]], object]) -> Callable[[Path], object]:
@@ -98,7 +92,6 @@ def with_description(change: Callable[[str], str]) -> Callable[[Path], object]:
 GRID = "compute at these frequencies"
 WRONG: dict[str, tuple[Callable[[Path], object], str]] = {
     "shape": (with_array(np.zeros((11, 255), complex)), "has the shape (11, 255), but needs (11, 256), frames by samples"),
-    "stated shape": (edited(lambda near: near.update(shapes={})), "'shapes' differs from the arrays in near.npz"),
     "scenario": (with_array(np.zeros((11, 256), complex), "cube"), "the array of scenario 'trihedral 15 cm' is missing"),
     "not finite": (with_array(np.full((11, 256), np.nan + 0j)), "samples that are not finite numbers; give finite complex samples"),
     "start frequency": (edited(lambda near: near["frequencies"].update(start_hz=76e9)), "the frequency grid is 256 samples"),

@@ -42,7 +42,6 @@ MISTAKES = {
     "provider of exported questions": (["label", "scene", "--export", "q", "--provider", "server"], "leave --provider out"),
     "dashboard of an absent folder": (["dashboard", "--output", "nowhere"], "nowhere"),
     "dashboard of a folder without runs": (["dashboard", "--output", "."], "no run is tracked in this folder"),
-    "absent folder to clean": (["clean", "--cache", "--output", "none"], "none: no such folder; give the output folder of a run"),
     "configuration of a sweep": (["run", "experiment=environment", "-m", "--cfg", "job"], "leave -m out"),
     "port above 65535": (["dashboard", "--port", "70000"], "70000"),
     "port that is no number": (["dashboard", "--port", "http"], "http"),

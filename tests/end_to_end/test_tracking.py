@@ -90,19 +90,6 @@ def test_filters_of_the_documentation_are_valid(output: Path) -> None:
     assert len(client.search_runs([table.experiment_id], known)) == 1
 
 
-def test_system_metrics_are_sampled_when_they_are_switched_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("MLFLOW_ENABLE_SYSTEM_METRICS_LOGGING", "true")
-    monkeypatch.setenv("MLFLOW_SYSTEM_METRICS_SAMPLING_INTERVAL", "0.05")
-    with Tracker(TrackingConfig(), tmp_path).run("environment", "a" * 32, "x", {}) as record:
-        record.metrics = {"correlation_2m": 0.42}
-        time.sleep(1)
-    names = {name for (name,) in query(tmp_path, "SELECT DISTINCT key FROM metrics")}
-    assert {"correlation_2m", "system/cpu_utilization_percentage", "system/system_memory_usage_megabytes"} <= names
-    steps = query(tmp_path, "SELECT step FROM metrics WHERE key = 'system/cpu_utilization_percentage' ORDER BY step")
-    assert len(steps) >= 2
-    assert [step for (step,) in steps] == list(range(len(steps)))
-
-
 def test_a_failed_run_has_its_error_as_a_tag_and_is_not_known(output: Path) -> None:
     rows = query(output, "SELECT status, value FROM runs r JOIN tags t USING (run_uuid) WHERE t.key = 'error'")
     assert rows == [("FAILED", "solver")]

@@ -43,16 +43,12 @@ class Fake:
     def needs_search(self, setting: LiveSetting) -> bool:
         return id(setting) not in self.known
 
-    def learn(self, setting: LiveSetting, searched: object, strong: object) -> None:
-        if searched:
-            self.known.add(id(setting))
+    def sketch(self, setting: LiveSetting) -> None:
+        pass
 
-    def sketch(self, setting: LiveSetting) -> str:
-        return "strong"
-
-    def search(self, setting: LiveSetting) -> tuple[str, str]:
+    def search(self, setting: LiveSetting) -> None:
         self.searched.append(setting)
-        return "searched", "strong"
+        self.known.add(id(setting))
 
     def show(self, answer: Any) -> None:
         self.shown.append(answer)
@@ -98,10 +94,10 @@ def test_a_search_also_completes_an_equal_setting_that_came_while_it_ran() -> No
     again = replace(PLACE)
 
     class Interrupted(Fake):
-        def search(self, setting: LiveSetting) -> tuple[str, str]:
+        def search(self, setting: LiveSetting) -> None:
             session.request(again)
             self.known.add(id(again))
-            return super().search(setting)
+            super().search(setting)
 
     fake = Interrupted()
     session = fake.session()
@@ -146,7 +142,7 @@ def test_a_setting_that_cannot_be_simulated_gives_its_message_and_the_next_one_i
 @pytest.mark.parametrize("of", ["answer", "search"])
 def test_a_defect_ends_the_session_with_its_exception(of: str) -> None:
     class Broken(Fake):
-        def search(self, setting: LiveSetting) -> tuple[str, str]:
+        def search(self, setting: LiveSetting) -> None:
             raise ZeroDivisionError
 
     fake = Broken(ZeroDivisionError() if of == "answer" else None)

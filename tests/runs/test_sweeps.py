@@ -18,7 +18,7 @@ from processes import started, wait_until
 from radartwin.config.study import TrackingConfig
 from radartwin.errors import ConfigError
 from radartwin.runs.checkout import commit
-from radartwin.runs.launchers import Parallel
+from radartwin.runs.launchers import launcher
 from radartwin.runs.tracking import ARTIFACTS, DATABASE, Tracker
 
 # SQLAlchemy warns about a loader that mlflow uses.
@@ -128,7 +128,7 @@ def test_an_experiment_file_chooses_the_launcher_and_may_not_change_the_folder_o
 
 def test_no_process_at_all_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"hydra\.launcher\.n_jobs=0"):
-        Parallel(0)
+        launcher("joblib", {"n_jobs": 0})
 
 
 def test_the_composed_configuration_is_printed_without_a_run(inside, own: list[str], tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ import pytest
 
 from radartwin.errors import OutputError
 from radartwin.io import files
+from radartwin.runs.doctor import examine
 from radartwin.store.products import Store, counting, save_arrays, save_json
 
 ROOTS = ["radartwin.constants"]
@@ -187,3 +188,9 @@ def test_a_file_folder_or_link_in_place_of_a_product_is_replaced(tmp_path: Path)
         assert not Store(tmp_path).fetch("recording", {}, ROOTS, write).reused
         assert Store(tmp_path).fetch("recording", {}, ROOTS, write).arrays()["x"].tolist() == [0, 1, 2, 3]
     assert (elsewhere / "of the user").exists()
+
+
+def test_doctor_says_how_large_the_cache_is(tmp_path: Path) -> None:
+    Store(tmp_path / "cache").fetch("recording", {}, ROOTS, lambda folder: save_arrays(folder, {"x": np.zeros(100_000)}))
+    (finding,) = [finding for finding in examine(tmp_path) if finding.topic == "cache"]
+    assert finding.text.startswith(f"1 MB in {tmp_path / 'cache'}; ")
