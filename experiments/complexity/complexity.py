@@ -200,7 +200,7 @@ def _of_case(case: Case, config: Config, store: Store) -> list[Requirement]:
 
 
 def _of_scan(config: Config, store: Store) -> list[Requirement]:
-    setup = build_setup(config.radar, config.scene, config.materials, config.trajectory, config.seed, config.contents)
+    setup = build_setup(config)
     features, variant = config.features, config.simulator.variant
     families_of(features, motion := setup.measured_motion)
     name = f"scan-{motion}-{config.scene.target}"

@@ -38,22 +38,14 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
-    """One recording of a problem.
-
-    Attributes:
-        scene: surfaces in world coordinates in metres; a surface named in `motion` is in its own coordinates.
-        sensor: (F, 4, 4) sensor-to-world poses, or (1, 4, 4) if the radar is at rest.
-        motion: (F, 4, 4) object-to-world poses of each moving surface.
-        radar: one transmitter, one receiver, one chirp per frame and isotropic elements.
-        answer: (S, N) complex samples of the first S frames, in amplitude units.
-    """
+    """One recording of a problem."""
 
     name: str
-    scene: Scene
-    sensor: Array
-    motion: Mapping[str, Array]
-    radar: Radar
-    answer: Array
+    scene: Scene  # in world coordinates; a surface named in `motion` is in its own coordinates
+    sensor: Array  # (F, 4, 4) sensor-to-world poses, or (1, 4, 4) if the radar is at rest
+    motion: Mapping[str, Array]  # (F, 4, 4) object-to-world poses of each moving surface
+    radar: Radar  # one transmitter, one receiver, one chirp per frame and isotropic elements
+    answer: Array  # (S, N) complex samples of the first S frames, in amplitude units
 
     @property
     def scored(self) -> int:
@@ -72,19 +64,13 @@ class Scenario:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A group of scenarios whose errors are averaged.
-
-    Attributes:
-        rests_on: method by which the answer is computed.
-        known_error: signal error of the answer itself. The key `known_by` of answers.json states how this error is known.
-        gate_m: nearest and farthest range in metres in which the answer is valid and methods are scored.
-    """
+    """A group of scenarios whose errors are averaged."""
 
     name: str
     title: str
-    rests_on: str
-    known_error: float
-    gate_m: tuple[float, float]
+    rests_on: str  # method by which the answer is computed
+    known_error: float  # signal error of the answer itself; `known_by` in answers.json states how it is known
+    gate_m: tuple[float, float]  # nearest and farthest range in which the answer is valid and methods are scored
     radar: Radar
     scenarios: tuple[Scenario, ...]
 

@@ -13,10 +13,9 @@ from radartwin.radar.named import NAMED
 
 
 def build_radar(config: RadarConfig) -> Radar:
-    """Build the radar from the configured radar file, or else from the named radar with the configured values.
+    """Build the radar from the configured radar file, or from the named radar with the configured values.
 
-    A configured array table replaces the antennas and their gains. The configured antenna pattern (`element`) has precedence over the
-    pattern in the array table.
+    An array table replaces the antennas and their gains, and the configured `element` replaces their pattern.
 
     Raises:
         InputError: a configured value is impossible for a radar.

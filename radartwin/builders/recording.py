@@ -16,12 +16,8 @@ from radartwin.builders.scene import TARGET, add_layout, build_room, build_targe
 from radartwin.builders.simulator import choose_simulator, families_of, simulated_parts, simulator_options
 from radartwin.builders.trajectory import Course, build_course, check_course
 from radartwin.config.config import Config
-from radartwin.config.materials import MaterialsConfig
-from radartwin.config.radar import RadarConfig
-from radartwin.config.scene import SceneConfig
 from radartwin.config.simulator import AutoSimulator
 from radartwin.config.study import FeaturesConfig
-from radartwin.config.trajectory import TrajectoryConfig
 from radartwin.features.log import Nominal
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
@@ -34,21 +30,14 @@ from radartwin.store.products import Store
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """Hold the radar, the room and the target of a recording, with their poses.
+    """Hold the radar, the room and the target of a recording, with their poses."""
 
-    Attributes:
-        room: the scene without the target, but with the objects of the furniture layout.
-        target: surfaces of the target and of its stand; empty for scene.target=none.
-        motion: object-to-world poses by surface name, (F, 4, 4), or (1, 4, 4) for surfaces at rest.
-        provenance: see `radartwin.builders.scene.describe_room`.
-    """
-
-    room: Scene
-    target: Scene
+    room: Scene  # without the target, but with the objects of the furniture layout
+    target: Scene  # with its stand; empty for scene.target=none
     radar: Radar
     course: Course
-    motion: dict[str, np.ndarray]
-    provenance: dict[str, Any]
+    motion: dict[str, np.ndarray]  # object-to-world poses by surface name, (F, 4, 4), or (1, 4, 4) for surfaces at rest
+    provenance: dict[str, Any]  # see `radartwin.builders.scene.describe_room`
 
     @property
     def measured_motion(self) -> str:
@@ -56,13 +45,9 @@ class Setup:
         return self.course.motion if self.motion else ""
 
     def probe(self, features: FeaturesConfig, variant: str = "auto", count: int | None = None, between: bool = False) -> Probe:
-        """Select a few frames of the recording on which simulator=auto compares its settings, and the features that must stay accurate.
+        """Select the frames and the features on which simulator=auto compares its settings. Raises ConfigError, see `families_of`.
 
-        Args:
-            variant: name of the Mitsuba variant (compute backend), or "auto".
-            count, between: see `radartwin.adaptive.probe.thinned`.
-        Raises:
-            ConfigError: see `radartwin.builders.simulator.families_of`.
+        variant: name of the Mitsuba variant (compute backend), or "auto". count, between: see `radartwin.adaptive.probe.thinned`.
         """
         families = families_of(features, self.measured_motion)
         sensor, target = self.course.sensor_poses, self.course.target_poses
@@ -72,24 +57,17 @@ class Setup:
         return thinned(self.room, self.target, self.radar, sensor, self.motion, log, families, variant, count, between)
 
 
-def build_setup(
-    radar_config: RadarConfig,
-    scene: SceneConfig,
-    materials: MaterialsConfig,
-    trajectory: TrajectoryConfig,
-    seed: int = 0,
-    contents: str = "filled",
-) -> Setup:
+def build_setup(config: Config) -> Setup:
     """Build radar, room, target and poses of a recording. Raises UserError if radar, room, target and poses do not fit together."""
-    radar = build_radar(radar_config)
-    room = build_room(scene, materials, seed)
-    provenance = describe_room(room, scene, materials)
-    target = build_target(scene, contents)
+    radar, scene = build_radar(config.radar), config.scene
+    room = build_room(scene, config.materials, config.seed)
+    provenance = describe_room(room, scene, config.materials)
+    target = build_target(scene, config.contents)
     foot = np.array([0.0, 0.0, lowest_m(target)])
     position = scene.target_position_m
     if position is not None:
         position = room.placed(pose(position), "scene.target_position_m")[:3, 3] - foot
-    course = build_course(trajectory, radar, room, position)
+    course = build_course(config.trajectory, radar, room, position)
     room = add_layout(scene, room, course.sensor_poses[0])
     check_course(room, radar, course)
     placed = Scene(target)
@@ -98,22 +76,9 @@ def build_setup(
     return Setup(room, placed, radar, course, {TARGET: course.target_poses} if target else {}, provenance)
 
 
-def simulate_scene(
-    config: Config,
-    noise: bool = False,
-    store: Store | None = None,
-    say: Callable[[str], None] = lambda line: None,
-    out: Path | None = None,
-) -> Recording:
-    """Simulate a recording of the configured radar in the configured scene. The recording's provenance describes the scene and its
-    materials.
-
-    Args:
-        out: as in `radartwin.simulation.simulate.simulate`.
-        store, say: see `radartwin.builders.simulator.choose_simulator`.
-    """
-    setup = build_setup(config.radar, config.scene, config.materials, config.trajectory, config.seed, config.contents)
-    return simulate_setup(setup, config, config.scene.target, noise, store, say, out)
+def simulate_scene(config: Config, **options: Any) -> Recording:
+    """Simulate a recording of the configured radar in the configured scene. `options` are those of `simulate_setup`."""
+    return simulate_setup(build_setup(config), config, config.scene.target, **options)
 
 
 def simulate_setup(
@@ -125,13 +90,12 @@ def simulate_setup(
     say: Callable[[str], None] = lambda line: None,
     out: Path | None = None,
 ) -> Recording:
-    """Simulate a recording of a radar, a room and a target that are already built. Only the simulator, the features and the seed are read
-    from the configuration.
+    """Simulate a recording of a radar, a room and a target. Of the configuration, only simulator, features and seed are read.
 
     Args:
-        target: name of the target. If the repeatability of the target's features is unknown, simulator=auto uses the limits pooled over all
-            objects.
-        noise, store, say, out: as in `simulate_scene`.
+        target: name of the target. If the repeatability of its features is unknown, simulator=auto uses limits pooled over all objects.
+        noise, out: as in `radartwin.simulation.simulate.simulate`.
+        store, say: see `radartwin.builders.simulator.choose_simulator`.
     """
     simulator = config.simulator
     if isinstance(simulator, AutoSimulator):

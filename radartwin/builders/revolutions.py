@@ -51,19 +51,13 @@ FEWEST_FRAMES = 2 * HARMONICS + 1  # the highest harmonic of a revolution needs 
 
 @dataclass(frozen=True, eq=False)
 class Revolution:
-    """One revolution of an object at one distance, before its simulation.
+    """One revolution of an object at one distance, before its simulation."""
 
-    Attributes:
-        label: name of the object.
-        config: configuration, of which only the simulator, the features, the seed and the number of copies are read.
-        root: folder of the store.
-    """
-
-    label: str
+    label: str  # name of the object
     distance_m: float
     setup: Setup
-    config: Config
-    root: Path
+    config: Config  # of which only the simulator, the features, the seed and the number of copies are read
+    root: Path  # folder of the store
 
     @property
     def frames(self) -> int:
@@ -77,7 +71,7 @@ class Revolution:
 
     @cached_property
     def spec(self) -> dict[str, Any]:
-        """Return the specification that decides the store key of the revolution. The object's name is not part of the specification."""
+        """Return the specification that decides the store key of the revolution, without the object's name."""
         course, simulator = self.setup.course, self.config.simulator
         spec: dict[str, Any] = {
             "room": _identity(self.setup.room), "object": _identity(self.setup.target), "radar": self.setup.radar.to_dict(),
@@ -89,12 +83,11 @@ class Revolution:
         return spec
 
     def is_stored(self, store: Store) -> bool:
-        """Return whether the store holds the copies of the revolution."""
         key = store.key(REVOLUTION, self.spec, ROOTS)
         return store.holds(REVOLUTION, self.spec, ROOTS) and store.holds(COPIES, self._copies_spec(key), COPIES_ROOTS)
 
     def part(self, store: Store) -> tuple[str, tuple[str, ...], Part]:
-        """Return the store key of the copies, and the names and rows of their features. Missing results are computed."""
+        """Return the store key of the copies, and the names and rows of their features, which are computed if they are missing."""
         product = store.fetch(REVOLUTION, self.spec, ROOTS, self._simulate)
         key = product.key
 
@@ -120,9 +113,7 @@ class Revolution:
         }  # fmt: skip
 
     def _echoes(self, strengths: Randomisation, seed: Sequence[int]) -> Sequence[np.ndarray]:
-        """Return the signals of the antenna channels for the nominal object alone in free space, and for each randomly changed object
-        (`randomise.echoes_alone`).
-        """
+        """Return the signals of the nominal object alone in free space, and of each randomly changed object (`echoes_alone`)."""
         course, supervision = self.setup.course, self.config.supervision
         surfaces = [surface for surface in self.setup.target if surface.name == TARGET]
         count, options = min(supervision.variants, supervision.copies), simulator_options(fixed_simulator(self.config.simulator))
@@ -149,7 +140,7 @@ def plan(
         frames: number of frames per revolution; None computes it from the frame rate of the configured radar.
         root: folder of the store.
     Raises:
-        UserError: a distance, the number of frames, the radar or the room cannot be used, or an object does not fit into the room.
+        UserError: a value cannot be used, or an object does not fit into the room.
     """
     trajectory = config.trajectory
     if not isinstance(trajectory, TurntableTrajectory):

@@ -30,10 +30,9 @@ LISTED = 4  # materials that `materials_line` names
 
 
 def build_target(config: SceneConfig, contents: str = "filled") -> tuple[Surface, ...]:
-    """Return the target's surfaces, all named TARGET and facing -x towards the radar; an empty tuple for scene.target=none.
+    """Return the target's surfaces, all named TARGET and facing -x towards the radar; empty for scene.target=none.
 
-    For an object of the catalogue, `contents` is "filled" (walls and contents) or "unknown" (outermost material only), see
-    `Entry.surfaces`.
+    contents: for an object of the catalogue, see `Entry.surfaces`.
     """
     size = config.target_size_m
     turned = np.diag([-1.0, -1.0, 1.0, 1.0])
@@ -58,7 +57,7 @@ def lowest_m(target: Sequence[Surface]) -> float:
 
 
 def build_room(scene: SceneConfig, materials: MaterialsConfig, seed: int = 0) -> Scene:
-    """Build the room without the target. The configured material source assigns the materials, with `seed` for random materials."""
+    """Build the room without the target, with materials from the configured source. `seed` draws random materials."""
     if isinstance(scene, ScanScene):
         room = load_scan(Path(scene.path), materials)
     elif scene.name in ROOMS:
@@ -69,11 +68,10 @@ def build_room(scene: SceneConfig, materials: MaterialsConfig, seed: int = 0) ->
 
 
 def load_scan(path: Path, materials: MaterialsConfig) -> Scene:
-    """Load a scanned room from a scene folder, which contains material labels, or from a mesh file, which contains none.
+    """Load a scanned room from a labelled scene folder, or from a mesh file without labels.
 
     Raises:
-        ConfigError: the configuration has materials=scene, but the scan is a mesh without material labels. MissingError, MeshError,
-            SceneError: see `Scene.load`.
+        ConfigError: the configuration has materials=scene, but the scan is a mesh. MissingError, MeshError, SceneError: see `Scene.load`.
     """
     if not path.exists() or scene_folder(path) is not None:
         return Scene.load(path)
@@ -86,10 +84,8 @@ def load_scan(path: Path, materials: MaterialsConfig) -> Scene:
 
 
 def add_layout(config: SceneConfig, room: Scene, sensor_pose: np.ndarray) -> Scene:
-    """Place the objects of the configured layout file or of the configured sentence in the room.
+    """Place the objects of the configured layout file or sentence in the room. `sensor_pose` (4, 4) is the radar of sentences.
 
-    Args:
-        sensor_pose: sensor-to-world pose (4, 4), needed for sentences such as "in front of the radar".
     Raises:
         MissingError, LayoutError: the layout file is absent, or an object cannot stand where the layout puts it.
     """
@@ -103,14 +99,11 @@ def add_layout(config: SceneConfig, room: Scene, sensor_pose: np.ndarray) -> Sce
 
 
 def describe_room(room: Scene, scene: SceneConfig, materials: MaterialsConfig) -> dict[str, Any]:
-    """Describe the scene and its materials with JSON values for the provenance of a recording.
+    """Describe the room, without the target, in JSON values for the provenance of a recording.
 
-    Args:
-        room: the scene without the target, with the materials of the configured source.
     Returns:
-        "scene": {name; for a scan also the name of its file or folder and the SHA-256 of its mesh or manifest}. "materials": {source;
-        said_by: number of surfaces for each source of material labels; surfaces: number of surfaces for each material, largest number
-            first}.
+        "scene": {name; of a scan also name and SHA-256 of its file}. "materials": {source; said_by: number of surfaces for each labeller;
+        surfaces: number of surfaces for each material, largest first}.
     """
     described: dict[str, Any] = {"name": scene.name}
     if isinstance(scene, ScanScene):

@@ -31,10 +31,7 @@ MOTION_FAMILIES = {  # feature families of each motion with a known repeatabilit
 
 
 def families_of(config: FeaturesConfig, motion: str) -> tuple[str, ...]:
-    """Return the names of the feature families that must stay within their repeatability limits.
-
-    The result holds the feature families of the configured feature set. For features=raw, the result holds all feature families that are
-    defined for the motion.
+    """Return the feature families that must stay within their limits: those of the configured set, or for features=raw all of the motion.
 
     Raises:
         ConfigError: the repeatability of features is unknown for the motion, or the configured feature set belongs to another motion.
@@ -55,9 +52,7 @@ def families_of(config: FeaturesConfig, motion: str) -> tuple[str, ...]:
 
 
 def fixed_simulator(config: SimulatorConfig) -> SimulatorConfig:
-    """Return a simulator for a target alone in free space. For simulator=auto, this is the default tracer with the settings that the user
-    fixed, because the search needs a whole recording.
-    """
+    """Return a simulator for a target alone in free space; for simulator=auto, the default tracer with the settings that the user fixed."""
     return MitsubaSimulator(variant=config.variant, **config.fixed()) if isinstance(config, AutoSimulator) else config
 
 
@@ -67,8 +62,8 @@ def choose_simulator(
     """Choose the cheapest simulator settings that keep the features of a recording within their repeatability limits.
 
     Args:
-        store: store from which an earlier search result is read and to which a new one is written; None repeats the search.
-        say: function that receives each line of a text that states the chosen settings and the reasons.
+        store: store of earlier search results; None repeats the search.
+        say: function that receives the lines that state the chosen settings and the reasons.
     """
     fixed = config.fixed()
     if store is None:
@@ -89,11 +84,7 @@ def choose_simulator(
 
 
 def simulator_options(config: SimulatorConfig) -> dict[str, Any]:
-    """Return the values of the arguments `simulator` and `elements` of `radartwin.simulate`.
-
-    Raises:
-        InputError: two simulator settings contradict each other.
-    """
+    """Return the arguments `simulator` and `elements` of `radartwin.simulate`. Raises InputError if two settings contradict each other."""
     settings = config.settings()
     if "variant" in settings_of(config.backend):
         settings["variant"] = config.variant

@@ -30,24 +30,18 @@ MAX_FRAMES = 10_000  # 1000 s at 10 Hz; more frames do not fit into memory
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Hold sensor-to-world and target-to-world poses, each of shape (F, 4, 4), or (1, 4, 4) for a body at rest.
-
-    Attributes:
-        motion: name of the motion as in radartwin/builders/simulator.py; "" if the repeatability of features is unknown for this motion.
-        angle_rad: (F,) rotation angle of the turntable in radians over exactly one revolution; None for motions without a turntable.
-    """
+    """Hold sensor-to-world and target-to-world poses, each of shape (F, 4, 4), or (1, 4, 4) for a body at rest."""
 
     sensor_poses: np.ndarray
     target_poses: np.ndarray
-    motion: str = ""
-    angle_rad: np.ndarray | None = None
+    motion: str = ""  # as in radartwin/builders/simulator.py; "" if the repeatability of features is unknown for this motion
+    angle_rad: np.ndarray | None = None  # (F,) angle of the turntable over exactly one revolution
 
 
 def build_start(config: StartTrajectory, room: Scene) -> np.ndarray:
-    """Return the sensor pose (4, 4) of the first frame.
+    """Return the sensor pose (4, 4) of the first frame: at the configured position, or at the room's measurement bench.
 
-    The sensor stands at the configured position, by default at the room's measurement bench. In a scan, the default position is inside the
-    room, near the end with the smallest x.
+    In a scan, the default position is inside the room, near the end with the smallest x.
     """
     if config.position_m is not None:
         position = np.array(config.position_m)
@@ -64,8 +58,8 @@ def build_start(config: StartTrajectory, room: Scene) -> np.ndarray:
 def build_course(config: TrajectoryConfig, radar: Radar, room: Scene, place: np.ndarray | None = None) -> Course:
     """Compute the poses of sensor and target at each frame of the radar.
 
-    Args:
-        place: (3,) position of the target in the first frame; None puts the target on the boresight at the configured distance.
+    place: (3,) position of the target in the first frame; None puts it on the boresight at the configured distance.
+
     Raises:
         ConfigError: the trajectory has more than MAX_FRAMES frames.
         MissingError, PoseError: see `read_poses` and `Scene.placed`.
@@ -89,24 +83,17 @@ def build_course(config: TrajectoryConfig, radar: Radar, room: Scene, place: np.
 
 
 def read_poses(config: FileTrajectory) -> Track:
-    """Read the radar's poses from a trajectory file and apply the configured mounting of the radar.
-
-    Raises:
-        MissingError, PoseError: the trajectory file is absent or malformed.
-    """
+    """Read the radar's poses from a trajectory file and apply its mounting. Raises MissingError or PoseError."""
     rotation = Rotation.from_euler("xyz", config.mount_deg or (0, 0, 0), degrees=True).as_matrix()
     mount = trajectory.pose(config.mount_m or (0, 0, 0), rotation)
     return read_track(config.path, config.axes, config.topic).mounted(mount)  # type: ignore[arg-type]
 
 
 def check_course(scene: Scene, radar: Radar, course: Course) -> None:
-    """Raise an error if the sensor is below the floor, above the ceiling or passes through a surface; warn of speeds beyond the unambiguous
-    Doppler range.
+    """Raise an error if the sensor leaves the room, the scene without the target, or enters a surface; warn of too high speeds.
 
-    Args:
-        scene: the room without the target.
     Raises:
-        PoseError, SceneError: the sensor is below the floor, above the ceiling or inside a surface; the message names the first such frame.
+        PoseError, SceneError: the message names the first such frame.
     """
     room = scene.only("room")
     if len(room):

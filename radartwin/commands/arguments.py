@@ -45,8 +45,7 @@ PURPOSES = {
 
 
 def parse(words: Sequence[str]) -> argparse.Namespace:
-    """Parse the words of a command line. In the result, `verb` is the function to call, and `resumes` says whether repeating the same
-    command resumes its work.
+    """Parse the words of a command line. `verb` is the function to call, and `resumes` says whether the same command resumes its work.
 
     Configuration overrides may stand before and after an option such as -m: run experiment=NAME -m materials=vlm,void.
     """
@@ -125,8 +124,8 @@ def _add_recordings(group: Verbs) -> None:
     process = _add(group, "process", verbs.process)
     _recording(process)
     process.add_argument("--moving", action="store_true", help="remove static echoes before the peaks are detected")
-    text = "method for directions: capon and music separate two targets of one cell (default: bartlett)"
-    process.add_argument("--angle", choices=("bartlett", "capon", "music"), default="bartlett", help=text)
+    angles = ("bartlett", "capon", "music")
+    process.add_argument("--angle", choices=angles, default="bartlett", help="method for directions (default: bartlett)")
     process.add_argument("--out", metavar="FOLDER", type=Path, help="folder for the results (default: OUTPUT/processed/NAME)")
     _output(process)
 
@@ -136,14 +135,8 @@ def _add_recordings(group: Verbs) -> None:
     captures.add_argument("--out", metavar="SET", type=Path, required=True, help="folder of the set; an existing set is extended")
     captures.add_argument("--map", metavar="FILE", type=Path, help=".yaml: the columns of each capture")
     _capture(captures)
-    frames_help = "import only these frames of each capture, such as 100:200 (default: all)"
-    captures.add_argument("--frames", metavar="FIRST:END", type=_frames, default=slice(None), help=frames_help)
+    captures.add_argument("--frames", metavar="FIRST:END", type=_frames, default=slice(None), help="only these frames, such as 100:200")
 
-    _add_export(group)
-
-
-def _add_export(group: Verbs) -> None:
-    """Add the verb `export`: --mcap writes a recording as a timeline, and --out writes the virtual campaign as a recording set."""
     export = _add(group, "export", verbs.export, resumes=True)
     words = "with --mcap one RECORDING, as for process; with --out [profile=...] [profile.campaign.KEY=value ...] [key=value ...]"
     _overrides(export, words, metavar="RECORDING|OVERRIDE")
@@ -151,8 +144,7 @@ def _add_export(group: Verbs) -> None:
     use.add_argument("--mcap", metavar="FILE", type=Path, help="write the timeline of RECORDING: maps, detections and poses of each frame")
     use.add_argument("--out", metavar="SET", type=Path, help="export the campaign to the set in this folder; recordings in it stay")
     export.add_argument("--pictures", metavar="FOLDER", type=Path, help="--mcap: pictures of a camera, named by seconds, such as 0.100.jpg")
-    first = "--mcap: time of the first frame in seconds since 1970 (default: 0)"
-    export.add_argument("--start", metavar="SECONDS", help=first)
+    export.add_argument("--start", metavar="SECONDS", help="--mcap: time of the first frame in seconds since 1970 (default: 0)")
     _capture(export, prefix="--mcap: ")
 
 
@@ -163,22 +155,18 @@ def _add_scenes(group: Verbs) -> None:
     reconstruct.add_argument("--material", default="plasterboard", help="material of every surface (default: plasterboard)")
     reconstruct.add_argument("--unit", default="auto", help="unit of a mesh: auto (metres), m, cm, mm, in or ft")
     reconstruct.add_argument("--up", default="auto", help="up axis of the scan: auto (found), x, y, z, -x, -y or -z")
-    is_object = "the mesh is an object, seen from outside (default: yes if the mesh is smaller than 1 m)"
-    reconstruct.add_argument("--object", action=argparse.BooleanOptionalAction, help=is_object)
+    reconstruct.add_argument("--object", action=argparse.BooleanOptionalAction, help="the mesh is an object (default: yes below 1 m)")
     reconstruct.add_argument("--depth-model", metavar="WEIGHTS", help="monocular depth model, for frames without depth")
     matrix = "intrinsics of the depth pictures in pixels, for a folder without a camera file"
     reconstruct.add_argument("--intrinsics", metavar=("FX", "FY", "CX", "CY"), nargs=4, type=float, help=matrix)
-    scale = "metres per count of the depth pictures (default: 0.001, for a TUM folder 0.0002)"
-    reconstruct.add_argument("--depth-unit", metavar="METRES", type=float, help=scale)
-    axes = "convention of the poses: opencv (default), opengl, opencv-inverse or opengl-inverse"
-    reconstruct.add_argument("--poses", metavar="AXES", help=axes)
+    reconstruct.add_argument("--depth-unit", metavar="METRES", type=float, help="of a count (default: 0.001, for a TUM folder 0.0002)")
+    reconstruct.add_argument("--poses", metavar="AXES", help="opencv (default), opengl, opencv-inverse or opengl-inverse")
 
     label = _add(group, "label", verbs.label, resumes=True)
     label.add_argument("scene", metavar="SCENE", type=Path, help="a scene folder; its manifest stores the labels")
     label.add_argument("--provider", choices=("recorded", "server", "local"), help="source of the answers (default: recorded)")
     label.add_argument("--model", help="model name; local: a folder or name that transformers loads; --import: the model that answered")
-    url = "server: base of an OpenAI-compatible API (default: http://127.0.0.1:8000/v1); RADARTWIN_VLM_KEY is its key"
-    label.add_argument("--url", help=url)
+    label.add_argument("--url", help="server: OpenAI-compatible API (default: http://127.0.0.1:8000/v1); RADARTWIN_VLM_KEY is its key")
     batch = label.add_mutually_exclusive_group()
     batch.add_argument("--export", metavar="FOLDER", type=Path, help="write the questions and their pictures instead of asking")
     batch.add_argument("--import", metavar="FILE", type=Path, dest="answers", help="read the answers from a JSONL file")
@@ -215,12 +203,10 @@ def _add_results(group: Verbs) -> None:
     train.add_argument("--room", metavar="SCENE", type=Path, help="scene folder with materials around the objects (default: free space)")
     metres = "distances from the radar to the axis of the turntable in metres (default: 0.5,1,1.5,2)"
     train.add_argument("--distances", metavar="D,D,...", type=_distances, default=(0.5, 1.0, 1.5, 2.0), help=metres)
-    whole = "frames per revolution, at least 13 (default: the radar's frames in trajectory.period_s)"
-    train.add_argument("--frames", metavar="N", type=int, help=whole)
+    train.add_argument("--frames", metavar="N", type=int, help="frames per revolution, at least 13 (default: those of the radar)")
 
     compare = _add(group, "benchmark", verbs.benchmark)
-    entrant = "a folder of signals, or a simulator by name; repeat it for more (default: the shipped methods)"
-    compare.add_argument("--method", metavar="NAME_OR_FOLDER", action="append", default=[], help=entrant)
+    compare.add_argument("--method", metavar="NAME_OR_FOLDER", action="append", default=[], help="a simulator or a folder of signals")
     compare.add_argument("--problem", metavar="NAME", action="append", default=[], help="one problem; repeat it for more (default: all)")
     _output(compare)
 
@@ -228,8 +214,7 @@ def _add_results(group: Verbs) -> None:
     dashboard.add_argument("--port", type=_port, help="port of the server (default: 5000, or a free port if 5000 is taken)")
     _output(dashboard)
 
-    report = _add(group, "report", verbs.report)
-    _output(report)
+    _output(_add(group, "report", verbs.report))
 
     doctor = _add(group, "doctor", verbs.doctor)
     doctor.add_argument("--data", metavar="FOLDER", type=Path, help="check this recording set instead and list all its faults")
@@ -264,10 +249,8 @@ def _capture(verb: argparse.ArgumentParser, prefix: str = "") -> None:
     """Add the options that describe a capture of another tool (radartwin.radar.captures.load_capture)."""
     radar = ".cfg, .mmwave.json or .yaml of the radar that recorded it, or a radar option (default: the .mmwave.json beside a capture)"
     verb.add_argument("--radar", metavar="FILE", help=prefix + radar)
-    board = "board with the antennas, such as IWR6843AOP (default: that of the radar file, or a printed assumption)"
-    verb.add_argument("--board", metavar="NAME", help=prefix + board)
-    swapped = "Q before I in the file (default: found from the data)"
-    verb.add_argument("--iq-swapped", action=argparse.BooleanOptionalAction, help=prefix + swapped)
+    verb.add_argument("--board", metavar="NAME", help=f"{prefix}board with the antennas, such as IWR6843AOP (default: of the radar file)")
+    verb.add_argument("--iq-swapped", action=argparse.BooleanOptionalAction, help=f"{prefix}Q before I (default: found from the data)")
     verb.add_argument("--cut", action="store_true", help=prefix + "leave out an incomplete frame at the end of a capture")
 
 

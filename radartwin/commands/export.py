@@ -12,10 +12,7 @@ from radartwin.io.one_line import plural
 
 
 def export_timeline(options: argparse.Namespace, capture: dict[str, Any]) -> int:
-    """Write the MCAP file of the recording that the command line names, print its number of messages by topic, and return the status.
-
-    The dictionary `capture` holds arguments of `radartwin.radar.captures.load_capture`.
-    """
+    """Write the MCAP file of a recording, and print its number of messages by topic. `capture` holds arguments of `load_capture`."""
     from radartwin.io.progress import Progress
     from radartwin.radar.captures import load_capture
     from radartwin.recordings.camera_pictures import nanoseconds, read_pictures

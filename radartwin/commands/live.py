@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from radartwin.errors import ConfigError
@@ -18,30 +17,25 @@ TARGET_M = 2.0  # distance of the corner reflector in a procedural room
 
 
 def live(options: argparse.Namespace) -> int:
-    """Serve the live page.
-
-    Raises:
-        ConfigError: an option belongs to the standalone page. UserError: see `_scene`, `Recording.load` and `radartwin.live.serve.serve`.
-    """
+    """Serve the live page. Raises ConfigError if an option belongs to the standalone page, and other UserErrors."""
     from radartwin.builders.radar import named_radar
+    from radartwin.live.playback import Playback
     from radartwin.live.serve import serve
+    from radartwin.radar.captures import load_capture
     from radartwin.radar.chirp import Radar
 
     for name, standard in (("out", None), ("by", "material")):
         if getattr(options, name) != standard:
             raise ConfigError(f"view --live writes no page and colours by material; leave --{name} out, or leave --live out")
     radar = named_radar(options.radar) if options.radar else None
-    playback = _playback(options.recording, radar) if options.recording else None
+    playback = Playback(load_capture(options.recording, radar), options.recording.name) if options.recording else None
     scene, start = _scene(options, playback)
     radar = playback.recording.radar if playback else radar or Radar.iwr1843()
     return serve(scene, radar, start, options.port, playback)
 
 
 def _scene(options: argparse.Namespace, playback: Playback | None) -> tuple[Scene, np.ndarray]:
-    """Return the scene and the radar's pose (4, 4) at the start.
-
-    The pose is that of the first frame of the recording or of the trajectory, or else the place where a simulation starts.
-    """
+    """Return the scene, and the radar's pose (4, 4) in the first frame of the recording, the trajectory, or a simulation."""
     from radartwin.builders.scene import build_target
     from radartwin.builders.trajectory import build_start
     from radartwin.config.scene import ROOMS, RoomScene
@@ -70,10 +64,3 @@ def _scene(options: argparse.Namespace, playback: Playback | None) -> tuple[Scen
         place = pose(start[:3, 3] + TARGET_M * start[:3, 0])
         scene += Scene(surface.moved(place) for surface in build_target(RoomScene()))
     return scene, start
-
-
-def _playback(path: Path, radar) -> Playback:
-    from radartwin.live.playback import Playback
-    from radartwin.radar.captures import load_capture
-
-    return Playback(load_capture(path, radar), path.name)

@@ -15,7 +15,7 @@ from typing import Any
 from radartwin.builders import revolutions
 from radartwin.builders.revolutions import Revolution
 from radartwin.builders.scene import materials_line
-from radartwin.config.compose import compose, path_override, refuse_unread
+from radartwin.config.compose import compose, path_override, refuse_unread, with_output
 from radartwin.config.config import Config
 from radartwin.config.trajectory import TurntableTrajectory
 from radartwin.errors import ConfigError
@@ -67,7 +67,7 @@ def train(options: argparse.Namespace) -> int:
 
 def configured(options: argparse.Namespace) -> Config:
     """Compose the configuration of a training. Raise ConfigError for an override that a training does not read."""
-    given = [*options.overrides, *([path_override("output", options.output)] if options.output else [])]
+    given = with_output(options.overrides, options.output)
     keys = refuse_unread("train", given, READ, SET_BY)
     target = "scene.target=corner_reflector"  # a placeholder, because the configuration cannot name the user's objects
     presets = ["features=rotation", f"features.without=[{','.join(WITHOUT)}]", target]

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,10 @@ SIMULATE_READS = ("radar", "scene", "materials", "contents", "trajectory", "simu
 
 def demo(options: argparse.Namespace) -> int:
     from radartwin.commands.demo import demo
+    from radartwin.materials.itu import StandInWarning
 
-    print(demo(options.output))
+    with warnings.catch_warnings(action="ignore", category=StandInWarning):  # the page names each substitute beside its material
+        print(demo(options.output))
     return 0
 
 
@@ -245,9 +248,9 @@ def _capture(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _all_overrides(options: argparse.Namespace) -> list[str]:
-    from radartwin.config.compose import path_override
+    from radartwin.config.compose import with_output
 
-    return [*options.overrides, *([path_override("output", options.output)] if options.output else [])]
+    return with_output(options.overrides, options.output)
 
 
 def _note(line: str) -> None:

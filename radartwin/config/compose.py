@@ -176,6 +176,11 @@ def path_override(key: str, path: str | Path) -> str:
     return f"{key}={_quoted_path(path)}"
 
 
+def with_output(overrides: Sequence[str], output: str | Path | None) -> list[str]:
+    """Return the overrides, and if the option --output is given, its override."""
+    return [*overrides, *([path_override("output", output)] if output else [])]
+
+
 def _quoted_path(path: str | Path) -> str:
     """Quote a path for OmegaConf, which halves backslashes before ${, and for Hydra, which halves them before a quote and at the end."""
     text = re.sub(r"(\\*)\$\{", lambda match: match.group(1) * 2 + "\\${", str(path))

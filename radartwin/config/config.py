@@ -9,65 +9,33 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from radartwin.config.checked_fields import MISSING, Checked, choice, not_negative, unkeyed
-from radartwin.config.materials import (
-    MaterialsConfig,
-    RandomMaterials,
-    SceneMaterials,
-    TrueMaterials,
-    UniformMaterials,
-    VlmMaterials,
-    VoidMaterials,
-)
+from radartwin.config.materials import MaterialsConfig
 from radartwin.config.radar import RadarConfig
-from radartwin.config.scene import RoomScene, ScanScene, SceneConfig, SquashCourtScene
-from radartwin.config.simulator import (
-    AutoSimulator,
-    MitsubaSimulator,
-    PointsSimulator,
-    RFGenesisSimulator,
-    SimulatorConfig,
-    SionnaSimulator,
-)
+from radartwin.config.scene import SceneConfig
+from radartwin.config.simulator import SimulatorConfig
 from radartwin.config.study import (
     ExperimentConfig,
     FeaturesConfig,
     MeasuredConfig,
     ProfileConfig,
-    RecordingsConfig,
     SupervisionConfig,
     TrackingConfig,
 )
-from radartwin.config.trajectory import (
-    DepthTrajectory,
-    FileTrajectory,
-    LateralTrajectory,
-    RailTrajectory,
-    StaticTrajectory,
-    TrajectoryConfig,
-    TurntableTrajectory,
-)
+from radartwin.config.trajectory import TrajectoryConfig
 from radartwin.errors import ConfigError
 
-# This table lists the dataclass of each option, for groups whose options have different keys. Hydra's ConfigStore names it schema_OPTION.
-SCHEMAS: dict[str, dict[str, type]] = {
-    "scene": {
-        "empty": SceneConfig, "void": SceneConfig, "plate": SceneConfig, "lab": RoomScene, "atrium": RoomScene,
-        "squash_court": SquashCourtScene, "scan": ScanScene,
-    },
-    "materials": {
-        "uniform": UniformMaterials, "vlm": VlmMaterials, "random": RandomMaterials, "true": TrueMaterials, "void": VoidMaterials,
-        "scene": SceneMaterials,
-    },
-    "simulator": {
-        "mitsuba": MitsubaSimulator, "auto": AutoSimulator, "rfgenesis": RFGenesisSimulator, "points": PointsSimulator,
-        "sionna": SionnaSimulator,
-    },
-    "trajectory": {
-        "static": StaticTrajectory, "turntable": TurntableTrajectory, "rail": RailTrajectory, "diagonal": RailTrajectory,
-        "lateral": LateralTrajectory, "depth": DepthTrajectory, "file": FileTrajectory,
-    },
-    "measured": {"testbed": MeasuredConfig, "recordings": RecordingsConfig},
-}  # fmt: skip
+
+def _schemas(base: type[Checked]) -> dict[str, type]:
+    """Return the dataclass of each option of a group, from the names in `base` and its subclasses. A subclass has precedence."""
+    schemas: dict[str, type] = {name: base for name in base.NAMES or (getattr(base, base.SELECTOR),) if name}
+    for subclass in base.__subclasses__():
+        schemas |= _schemas(subclass)
+    return schemas
+
+
+# the dataclass of each option, for groups whose options have different keys; Hydra's ConfigStore names it schema_OPTION
+SCHEMAS = {base.KEY: _schemas(base) for base in (SceneConfig, MaterialsConfig, SimulatorConfig, TrajectoryConfig, MeasuredConfig)}
+SCHEMAS["trajectory"]["diagonal"] = SCHEMAS["trajectory"]["rail"]
 
 
 @dataclass

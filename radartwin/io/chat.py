@@ -1,7 +1,7 @@
 """Ask a language model on an OpenAI-compatible server: vLLM, Ollama, LM Studio or a commercial service.
 
 The client sends POST URL/chat/completions with a JSON schema that the model's answer must follow. After a time-out or an HTTP status code
-in RETRIED, the client sends the request again, with growing pauses or with the pause in the server's Retry-After header. If the server
+in RETRIED, the client sends the request again, with growing pauses or with the seconds in the server's Retry-After header. If the server
 returns any other error, the client does not try again. The API key comes from an environment variable and is never written to a file.
 docs/decisions/012-own-or-library.md explains why the openai package is not used.
 """
@@ -13,8 +13,6 @@ import os
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
-from email.utils import parsedate_to_datetime
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit, urlunsplit
 
@@ -34,29 +32,20 @@ class NoAnswerInTime(BackendError):
 
 @dataclass
 class Endpoint:
-    """Hold the URL of a chat server and the name of a language model on this server, and send requests to the server. Several threads may
-    share the object.
+    """Send requests to a language model on a chat server. Several threads may share the object.
 
-    Args:
-        url: base URL of the server's API, including /v1.
-        timeout_s: time limit in seconds of a single try to get an answer.
-        requests: largest number of tries to get an answer to a request.
-        pause_s: pause in seconds before the second try; each further pause is twice as long.
-        key_variable: name of the environment variable that contains the API key (bearer token); the variable may be unset.
-        max_tokens: maximum length of the model's answer in tokens.
-        key: API key (bearer token) sent to the server; None takes the value of the environment variable `key_variable`.
     Raises:
         ConfigError: the URL is not valid. A request also raises ConfigError if the API key contains characters that cannot be sent.
     """
 
-    url: str = field(repr=False)  # not printed, because a URL may contain a password
+    url: str = field(repr=False)  # base URL including /v1; not printed, because it may contain a password
     model: str
-    timeout_s: float = 120.0
-    requests: int = 4
-    pause_s: float = 1.0
-    key_variable: str = "RADARTWIN_LLM_KEY"
-    max_tokens: int = 1000
-    key: str | None = field(default=None, repr=False)
+    timeout_s: float = 120.0  # of a single try to get an answer
+    requests: int = 4  # largest number of tries to get an answer to a request
+    pause_s: float = 1.0  # before the second try; each further pause is twice as long
+    key_variable: str = "RADARTWIN_LLM_KEY"  # environment variable of the API key (bearer token), which may be unset
+    max_tokens: int = 1000  # maximum length of the model's answer
+    key: str | None = field(default=None, repr=False)  # API key; None takes the environment variable
 
     def __post_init__(self) -> None:
         try:
@@ -67,7 +56,6 @@ class Endpoint:
         if not good:
             raise ConfigError(f"{self.url.rpartition('@')[2]} is not the address of a server; give http://HOST:PORT/v1")
         self.down = threading.Event()  # when this event is set, waiting requests give up instead of trying again
-        self._plain = False
 
     @property
     def public_url(self) -> str:
@@ -96,8 +84,7 @@ class Endpoint:
 
         Args:
             messages: dictionaries with the keys "role" and "content", as in the OpenAI API.
-            schema: JSON schema that the model's answer must follow. The client sends it in the field response_format. If the server
-                refuses this field, the client sends the request without the schema, so the caller must check the answer.
+            schema: JSON schema of the model's answer, sent in the field response_format. The caller must check the answer.
             client: HTTP client from `client()` that several requests share; None creates a new client for this request.
         Raises:
             NoAnswerInTime: the server did not answer the last try within `timeout_s`.
@@ -107,13 +94,8 @@ class Endpoint:
             with self.client() as client:
                 return self.complete(messages, schema, name, client)
         body: dict[str, Any] = {"model": self.model, "messages": list(messages), "temperature": 0, "max_tokens": self.max_tokens}
-        if not self._plain:
-            body["response_format"] = {"type": "json_schema", "json_schema": {"name": name, "strict": True, "schema": schema}}
+        body["response_format"] = {"type": "json_schema", "json_schema": {"name": name, "strict": True, "schema": schema}}
         response = self._post(client, body)
-        if response.status_code in (400, 422) and "response_format" in body and "response_format" in response.text:
-            self._plain = True  # an old server refuses response_format; the prompt asks for JSON as well
-            del body["response_format"]
-            response = self._post(client, body)
         if response.status_code != 200:
             raise BackendError(self._refusal(response))
         try:
@@ -141,7 +123,8 @@ class Endpoint:
                 if response.status_code not in RETRIED:
                     return response
                 problem = f"status {response.status_code}"
-                pause = min(_retry_after(response, pause), LONGEST_PAUSE_S)
+                with contextlib.suppress(ValueError):
+                    pause = min(max(0.0, float(response.headers.get("retry-after", ""))), LONGEST_PAUSE_S)
             if attempt + 1 < self.requests and self.down.wait(pause):
                 break
         raise error_type(f"{self.public_url}: {problem} after {self.requests} tries; see that the server runs and serves {self.model}")
@@ -154,13 +137,3 @@ class Endpoint:
         }.get(response.status_code, "see the server's log")
         text = hidden(" ".join(response.text.split()), self._secret)[:200]
         return f"{self.public_url} refuses with status {response.status_code} ({text}); {remedy}"
-
-
-def _retry_after(response: httpx.Response, otherwise: float) -> float:
-    """Return the waiting time in seconds from the Retry-After header (a number or a date), or `otherwise`."""
-    header = response.headers.get("retry-after", "").strip()
-    with contextlib.suppress(ValueError):
-        return max(0.0, float(header))
-    with contextlib.suppress(ValueError, TypeError):
-        return max(0.0, (parsedate_to_datetime(header) - datetime.now(UTC)).total_seconds())
-    return otherwise

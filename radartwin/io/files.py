@@ -114,38 +114,37 @@ def replacing_together(paths: Sequence[Path]) -> Iterator[dict[Path, Path]]:
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
     """Read the arrays of an .npz file by name, without Python objects. Raises InputError for a damaged or inflated archive, and OSError."""
-    import zipfile
-    import zlib
-
     import numpy as np
 
-    refuse_pointer(path, InputError)
-    try:
-        with path.open("rb") as stream:
-            _check_archive(stream, path)
-            with np.load(stream, allow_pickle=False) as stored:
-                return dict(stored)
-    except InputError:
-        raise
-    except (zipfile.BadZipFile, zlib.error, ValueError, EOFError, RuntimeError) as error:  # RuntimeError: an unknown compression
-        raise InputError(
-            f"{path} is not a readable .npz archive ({str(error).splitlines()[0] if str(error) else 'it ends early'})"
-        ) from error
+    with _reading(path, ".npz archive") as stream:
+        _check_archive(stream, path)
+        with np.load(stream, allow_pickle=False) as stored:
+            return dict(stored)
 
 
 def read_array(path: Path) -> np.ndarray:
     """Map the array of a .npy file into memory, without Python objects. Raises InputError for a damaged or too short file, and OSError."""
     import numpy as np
 
+    with _reading(path, ".npy array") as stream:
+        _check_header(stream, path.stat().st_size, str(path))
+        return np.load(path, mmap_mode="r", allow_pickle=False)
+
+
+@contextlib.contextmanager
+def _reading(path: Path, kind: str) -> Iterator[IO[bytes]]:
+    """Open a file, and raise the errors of zipfile, zlib and NumPy within the `with` block as an InputError of one line."""
+    import zipfile
+    import zlib
+
     refuse_pointer(path, InputError)
     try:
         with path.open("rb") as stream:
-            _check_header(stream, path.stat().st_size, str(path))
-        return np.load(path, mmap_mode="r", allow_pickle=False)
+            yield stream
     except InputError:
         raise
-    except (ValueError, EOFError) as error:
-        raise InputError(f"{path} is not a readable .npy array ({' '.join(str(error).split())})") from error
+    except (zipfile.BadZipFile, zlib.error, ValueError, EOFError, RuntimeError) as error:  # RuntimeError: an unknown compression
+        raise InputError(f"{path} is not a readable {kind} ({' '.join(str(error).split()) or 'it ends early'})") from error
 
 
 def _check_archive(stream: IO[bytes], path: Path) -> None:

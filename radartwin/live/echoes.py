@@ -33,39 +33,24 @@ LEG_POINTS = 200  # points of each leg of a path that are compared with a click
 
 @dataclass(frozen=True, eq=False)
 class Spectra:
-    """Hold the range profile and the range-azimuth map of one frame.
+    """Hold the range profile and the range-azimuth map of one frame."""
 
-    Attributes:
-        range_m: (B,) range bins in metres. azimuth_rad: (A,) azimuth in radians, positive to the left.
-        profile_db: (B,) mean power of all channels and chirps.
-        map_db: (A, B) power per direction, by Bartlett beamforming.
-    """
-
-    range_m: np.ndarray
-    azimuth_rad: np.ndarray
-    profile_db: np.ndarray
-    map_db: np.ndarray
+    range_m: np.ndarray  # (B,)
+    azimuth_rad: np.ndarray  # (A,) positive to the left
+    profile_db: np.ndarray  # (B,) mean power of all channels and chirps
+    map_db: np.ndarray  # (A, B) power per direction, by Bartlett beamforming
 
 
 @dataclass(frozen=True, eq=False)
 class LivePath:
-    """Hold one propagation path of the room, or the coherent sum of paths of an object that the radar cannot separate.
+    """Hold one propagation path of the room, or the coherent sum of paths of an object that the radar cannot separate."""
 
-    Attributes:
-        level_db: received over transmitted power in decibels, with the gain of the antenna element.
-        length_m: length from the transmitter to the receiver, metres.
-        bounces: number of reflections and diffractions.
-        points: (V, 3) corners of the path in the world, from the radar back to the radar. If `partial`, corners between the first and the
-            last are unknown.
-        owner: name of the object, or "" for a path of the room.
-    """
-
-    level_db: float
-    length_m: float
-    bounces: int
-    points: np.ndarray
-    owner: str = ""
-    partial: bool = False
+    level_db: float  # received over transmitted power, with the gain of the antenna element
+    length_m: float  # from the transmitter to the receiver
+    bounces: int  # reflections and diffractions
+    points: np.ndarray  # (V, 3) corners in the world, from the radar back to the radar
+    owner: str = ""  # name of the object, or "" for a path of the room
+    partial: bool = False  # whether corners between the first and the last are unknown
 
     @property
     def delay_s(self) -> float:
@@ -115,11 +100,7 @@ def strongest_paths(traced: Traced, radar: Radar, sensor_pose: np.ndarray) -> li
 
 
 def surfaces_at(path: LivePath, scene: Scene) -> list[str]:
-    """Return the names of the surfaces at the corners of a path, in the order of the path. A corner where two surfaces meet has both names.
-
-    Args:
-        scene: the room and the objects at their places, in world coordinates.
-    """
+    """Return the names of the surfaces of a scene at the corners of a path, in its order; where two surfaces meet, both names."""
     if not len(scene):
         return []
     points = path.points[1:-1]

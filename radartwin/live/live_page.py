@@ -137,8 +137,7 @@ class Page:
         recorded = self._playback.pose(frame)
         if recorded is not None:
             self.move_radar(recorded)
-        with self._lock:
-            self._draw()
+        self.draw()
 
     def show(self, answer: LiveAnswer) -> None:
         """Show an answer. The chosen path stays chosen if the answer has a similar one."""
@@ -147,11 +146,7 @@ class Page:
             self._count += before is None or answer.setting is not before.setting
             if before and self._path_number is not None:
                 self._path_number = _same_path(before.paths[self._path_number], answer.paths)
-            self._draw()
-
-    def draw(self) -> None:
-        with self._lock:
-            self._draw()
+            self.draw()
 
     def _changed(self, name: str) -> None:
         self.select(name)
@@ -170,33 +165,34 @@ class Page:
             count = len(self.answer.paths) if self.answer else 0
             if number != self._path_number and (number is None or number < count):
                 self._path_number = number
-                self._draw()
+                self.draw()
 
-    def _draw(self) -> None:
-        answer = self.answer
-        if answer is None:
-            return
-        paths = answer.paths[: self.controls.paths]
-        path_number = self._path_number if self._path_number is not None and self._path_number < len(paths) else None
-        spectra, measured, caption = answer.spectra, None, ""
-        if self._playback is not None:
-            frame = self.controls.frame
-            recorded = self._playback.spectra(frame)
-            measured = recorded.profile_db if self._playback.calibrated else shifted_db(recorded.profile_db, spectra.profile_db)
-            caption = self._playback.caption(frame)
-            if self.controls.shows_measured_map:
-                spectra = recorded
-        seen = answer.spectra.range_m <= self._farthest_m
-        top = span_db(answer.spectra.profile_db[seen], PROFILE_DYNAMIC_DB)[1]
-        profile = answer.spectra.profile_db[seen]
-        with self._server.atomic():
-            self.controls.show_profile(answer.spectra.range_m[seen], profile, None if measured is None else measured[seen], top)
-            self.controls.show_map(spectra)
-            self.controls.caption(caption)
-            self._stage.show_paths(paths, path_number)
-            self.controls.show_paths(paths, path_number, self._card(paths, path_number, answer))
-            self.controls.show_status(answer, self._count, self._stage.outside(answer.setting.radar_pose[:3, 3]))
-        self._server.flush()
+    def draw(self) -> None:
+        with self._lock:
+            answer = self.answer
+            if answer is None:
+                return
+            paths = answer.paths[: self.controls.paths]
+            path_number = self._path_number if self._path_number is not None and self._path_number < len(paths) else None
+            spectra, measured, caption = answer.spectra, None, ""
+            if self._playback is not None:
+                frame = self.controls.frame
+                recorded = self._playback.spectra(frame)
+                measured = recorded.profile_db if self._playback.calibrated else shifted_db(recorded.profile_db, spectra.profile_db)
+                caption = self._playback.caption(frame)
+                if self.controls.shows_measured_map:
+                    spectra = recorded
+            seen = answer.spectra.range_m <= self._farthest_m
+            top = span_db(answer.spectra.profile_db[seen], PROFILE_DYNAMIC_DB)[1]
+            profile = answer.spectra.profile_db[seen]
+            with self._server.atomic():
+                self.controls.show_profile(answer.spectra.range_m[seen], profile, None if measured is None else measured[seen], top)
+                self.controls.show_map(spectra)
+                self.controls.caption(caption)
+                self._stage.show_paths(paths, path_number)
+                self.controls.show_paths(paths, path_number, self._card(paths, path_number, answer))
+                self.controls.show_status(answer, self._count, self._stage.outside(answer.setting.radar_pose[:3, 3]))
+            self._server.flush()
 
     def _card(self, paths: list[LivePath], path_number: int | None, answer: LiveAnswer) -> str:
         if path_number is None:

@@ -25,16 +25,12 @@ DIGEST_LENGTH = 32  # number of characters in a dataset's digest; MLflow accepts
 
 @dataclass
 class Record:
-    """The data of a run that the runner logs to MLflow.
-
-    Attributes:
-        inputs: keys of the stored data that the result was computed from, grouped by kind of data.
-    """
+    """The data of a run that the runner logs to MLflow."""
 
     run_id: str = ""
     metrics: Mapping[str, float] = field(default_factory=dict)
     artifacts: Sequence[Path] = ()
-    inputs: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    inputs: Mapping[str, Sequence[str]] = field(default_factory=dict)  # keys of the stored input data by kind
 
 
 def tags(table: str, key: str) -> dict[str, str]:

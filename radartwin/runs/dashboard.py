@@ -44,7 +44,7 @@ def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> 
     stores = ["--backend-store-uri", tracker.uri, "--artifacts-destination", tracker.artifacts]
     listens = ["--host", HOST, "--port", str(port), "--workers", "1", "--uvicorn-opts", "--log-level warning"]
     command = [sys.executable, "-m", "mlflow", "server", *stores, *listens]
-    # MLflow's 40 threads by default share 15 connections to the database, so that requests fail after 30 s; jobs with language models are off
+    # MLflow's 40 threads share 15 connections to the database by default, so that requests fail; jobs with language models are off
     defaults = {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false", "MLFLOW_SQLALCHEMYSTORE_POOL_SIZE": str(THREADS)}
     environment = {**defaults, **os.environ}
     with contextlib.suppress(KeyboardInterrupt):

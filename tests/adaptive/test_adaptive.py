@@ -206,7 +206,7 @@ def test_unknown_names_and_values_are_refused(call: Callable[[], object], messag
 def test_unsupported_configurations_of_auto_are_refused(overrides: list[str], message: str) -> None:
     config = compose(["scene=lab", "simulator=auto", *overrides])
     with pytest.raises(ConfigError, match=message):
-        build_setup(config.radar, config.scene, config.materials, config.trajectory).probe(config.features)
+        build_setup(config).probe(config.features)
 
 
 def test_models_reduce_the_room() -> None:

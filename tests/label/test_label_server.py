@@ -8,7 +8,6 @@ import json
 import socket
 import time
 from collections.abc import Callable, Iterator
-from email.utils import formatdate
 from typing import Any
 
 import pytest
@@ -100,12 +99,11 @@ def test_last_invalid_answer_becomes_other_or_the_closest_category(model, asked)
     assert (record.answer.named, record.answer.invalid) == ("porcelain", False)
 
 
-@pytest.mark.parametrize(("retry_after", "pause_s"), [(lambda: "0.6", 0.6), (lambda: formatdate(time.time() + 2, usegmt=True), 0.9)])
-def test_retry_after_is_obeyed_as_seconds_and_as_a_date(model, asked, retry_after, pause_s) -> None:
-    chat = model(lambda number, body: (429, {"Retry-After": retry_after()}, "{}") if number == 0 else completion(GOOD))
+def test_retry_after_is_obeyed(model, asked) -> None:
+    chat = model(lambda number, body: (429, {"Retry-After": "0.6"}, "{}") if number == 0 else completion(GOOD))
     [(_, record)] = server(chat.url).answers(asked[:1])
     assert record.answer.material == "wood"
-    assert chat.times[1] - chat.times[0] >= pause_s
+    assert chat.times[1] - chat.times[0] >= 0.6
 
 
 def test_server_errors_and_timeouts_are_retried_after_growing_pauses(model, asked) -> None:
@@ -164,16 +162,6 @@ def test_refused_request_is_not_repeated(model, asked, status, remedy) -> None:
         list(server(chat.url, concurrency=1).answers(asked))
     assert remedy in str(caught.value)
     assert len(chat.requests) == 1
-
-
-def test_server_without_schemas_is_asked_without_a_schema(model, asked) -> None:
-    def reply(number: int, body: dict[str, Any]) -> Reply:
-        return (400, {}, '{"error": "response_format is not supported"}') if "response_format" in body else completion(GOOD)
-
-    chat = model(reply)
-    records = dict(server(chat.url, concurrency=1).answers(asked[:2])).values()
-    assert [record.answer.material for record in records] == ["wood", "wood"]
-    assert len(chat.requests) == 3, "the schema is tried once"
 
 
 def test_number_of_parallel_requests_is_limited(model, asked) -> None:

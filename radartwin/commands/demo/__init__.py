@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import contextlib
 import time
-import warnings
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +21,6 @@ from radartwin.config.compose import compose, path_override
 from radartwin.io import files
 from radartwin.io.one_line import plural
 from radartwin.label.labelling import LabelOptions, label_folder
-from radartwin.materials.itu import StandInWarning
 from radartwin.radar.detection import Peaks
 from radartwin.radar.power_maps import power_maps
 from radartwin.radar.process_capture import process_capture
@@ -42,60 +39,38 @@ COARSE = ("simulator.rays_per_wavelength2=0.25", "simulator.max_bounces=3", "sim
 STEPS = 5
 
 
-@dataclass
-class _Steps:
-    """Print one line per step: its number and its work when it begins, its result and duration when it ends."""
-
-    done: int = 0
-
-    @contextlib.contextmanager
-    def step(self, work: str) -> Iterator[list[str]]:
-        self.done += 1
-        start, result = time.monotonic(), list[str]()
-        print(f"[{self.done}/{STEPS}] {work}", end="", flush=True)
-        try:
-            yield result
-            print(f": {result[0]} ({time.monotonic() - start:.0f} s)", end="")
-        finally:
-            print(flush=True)
-
-
 @contextlib.contextmanager
-def _substitutes_on_the_page() -> Iterator[None]:
-    """Leave out the warnings about substitutes, because the page names each substitute beside its material."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", StandInWarning)
-        yield
+def _step(number: int, work: str) -> Iterator[list[str]]:
+    """Print one line: the number and the work of a step when it begins, its result and duration when it ends."""
+    start, result = time.monotonic(), list[str]()
+    print(f"[{number}/{STEPS}] {work}", end="", flush=True)
+    try:
+        yield result
+        print(f": {result[0]} ({time.monotonic() - start:.0f} s)", end="")
+    finally:
+        print(flush=True)
 
 
-@_substitutes_on_the_page()
 def demo(output: Path) -> Path:
-    """Run the demonstration into the folder `output`/demo, and return the path of its page.
-
-    Args:
-        output: root folder of all written files.
-    Raises:
-        OutputError: the folder cannot be created or written.
-    """
+    """Run the demonstration into the folder `output`/demo, and return the path of its page. Raises OutputError."""
     folder = files.make_folder(files.check_folder(output) / "demo")
     files.sweep(folder)
     scene_folder, recording = folder / "scene", folder / "recordings" / "room"
-    steps = _Steps()
     with compiling() as compiled:
-        with steps.step("reconstruct the phone scan of a furnished room as planes and objects") as result:
+        with _step(1, "reconstruct the phone scan of a furnished room as planes and objects") as result:
             result.append(plural(len(reconstruct(SCAN, scene_folder)), "surface"))
-        with steps.step("label the materials with the recorded answers of a vision-language model") as result:
+        with _step(2, "label the materials with the recorded answers of a vision-language model") as result:
             label_folder(scene_folder, LabelOptions(missing="uniform:plasterboard"))
             result.append(_largest(Scene.load(scene_folder)))
-        with steps.step(f'place "{SENTENCE}" and simulate the radar (a first run compiles the simulator: one to two minutes)') as result:
+        with _step(3, f'place "{SENTENCE}" and simulate the radar (a first run compiles the simulator: one to two minutes)') as result:
             place = [path_override("scene.path", scene_folder), f'scene.sentence="{SENTENCE}"']
             radar = ["trajectory=static", f"trajectory.position_m={list(POSITION_M)}", f"trajectory.heading_deg={HEADING_DEG}"]
             config = compose(["scene=scan", *place, *radar, "trajectory.frames=1", *COARSE])
             compiled()
-            setup = build_setup(config.radar, config.scene, config.materials, config.trajectory, config.seed, config.contents)
+            setup = build_setup(config)
             simulated = simulate_setup(setup, config, config.scene.target, noise=True, out=recording)
             result.append(plural(len(simulated.iq), "frame"))
-    with steps.step("detect the echoes and find the thing from which each echo comes") as result:
+    with _step(4, "detect the echoes and find the thing from which each echo comes") as result:
         table = process_capture(recording, folder / "processed")
         columns = {name: table[name].to_numpy() for name in table}
         azimuth_rad, power = np.radians(columns["azimuth_deg"]), 10 ** (columns["power_db"] / 10)
@@ -106,7 +81,7 @@ def demo(output: Path) -> Path:
         paths = tracer.paths(scene, setup.radar, pose[None])  # the simulation left these paths in the memory of this process
         origins = echo_origins(scene, paths, setup.radar, pose, peaks.range_m, peaks.azimuth_rad)
         result.append(plural(len(peaks), "peak"))
-    with steps.step("write the pictures and the page") as result:
+    with _step(5, "write the pictures and the page") as result:
         page = write_page(folder, scene, Echoes(power_maps(simulated.iq, simulated.radar), peaks, origins, pose, scene))
         result.append(f"{page.stat().st_size / 1e6:.1f} MB")
     return page

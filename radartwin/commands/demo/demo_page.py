@@ -46,16 +46,13 @@ MIXED_DB, UNCLEAR_DB = 3.0, 10.0
 
 @dataclass(frozen=True)
 class Echoes:
-    """The echoes of a recording: its power maps, its peaks from the strongest to the weakest, and the origin of each peak.
-
-    `scene` has distinct names of the surfaces, and `pose` (4, 4) is the pose of the radar in it.
-    """
+    """The echoes of a recording."""
 
     maps: PowerMaps
-    peaks: Peaks
-    origins: list[Origin]
-    pose: np.ndarray
-    scene: Scene
+    peaks: Peaks  # strongest first
+    origins: list[Origin]  # of each peak
+    pose: np.ndarray  # of the radar (4, 4) in the scene
+    scene: Scene  # with distinct names of the surfaces
 
     @cached_property
     def names(self) -> list[str]:
@@ -112,17 +109,15 @@ class Echoes:
 
 
 def write_page(folder: Path, scene: Scene, echoes: Echoes) -> Path:
-    """Write the page, its pictures and the view of the room into a folder, and return the path of the page.
-
-    Args:
-        scene: the labelled scene with the placed objects, with distinct names of the surfaces.
-    """
+    """Write the page, its pictures and the view of the labelled scene into a folder, and return the path of the page."""
     import matplotlib
 
     room = view(scene, folder / "scene" / "view.html", echoes.pose, title="The scan, coloured by material")
     scan, strip = load_textured(folder / "scene"), io.BytesIO()
     with matplotlib.rc_context({**style.style(), "axes.titlesize": 11, "legend.fontsize": 9}):
-        pictures = {"<!--PICTURES-->": draw_room(scene, scan), "<!--MAP-->": [draw_map(echoes)], "<!--PROFILE-->": [draw_profile(echoes)]}
+        map_alone, axis = style.figure(width_in=8.2, height_in=4.3)
+        _draw_map(axis, echoes)
+        pictures = {"<!--PICTURES-->": draw_room(scene, scan), "<!--MAP-->": [map_alone], "<!--PROFILE-->": [draw_profile(echoes)]}
         parts = {mark: "\n".join(map(_svg, figures)) for mark, figures in pictures.items()}
         draw_strip(scene, scan, echoes).savefig(strip, format="png", dpi=100)
     parts |= {"<!--ROOM-->": html.escape(room.read_text(encoding="utf-8"), quote=True), "<!--ROWS-->": "\n".join(_rows(scene, echoes))}
@@ -148,13 +143,6 @@ def draw_strip(scene: Scene, scan: Scene | None, echoes: Echoes) -> Figure:
     handles = legend({name: name for name in draw_materials(axes[:2], scene, scan, 600)})
     figure.legend(handles=handles, loc="outside lower left", ncols=7, handlelength=1.2, columnspacing=1.2)
     _draw_map(axes[2], echoes)
-    return figure
-
-
-def draw_map(echoes: Echoes) -> Figure:
-    """Draw the range-azimuth map alone."""
-    figure, axis = style.figure(width_in=8.2, height_in=4.3)
-    _draw_map(axis, echoes)
     return figure
 
 
