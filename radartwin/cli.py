@@ -1,9 +1,7 @@
-"""Run the command line, and turn errors into an exit status and a one-line message. The folder radartwin/commands holds the arguments and
-the commands.
+"""Run the command line, and turn errors into an exit status and a one-line message.
 
-The exit status is 0 if the command finished and 1 if a run failed. The exit status is 2 if the user's input is wrong; the command then
-prints one line on standard error and no traceback. The status of a command that a signal ends is 128 plus the signal's number, as shells
-expect: 130 after Ctrl-C.
+The exit status is 0 if the command finished, 1 if a run failed, and 2 with one line on standard error if the user's input is wrong. A
+command that a signal ends has the status 128 plus the signal's number: 130 after Ctrl-C.
 """
 
 from __future__ import annotations

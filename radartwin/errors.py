@@ -1,8 +1,7 @@
-"""Exceptions for errors that the user can correct.
+"""Exceptions for errors that the user can correct, each also a ValueError or an OSError.
 
-Each exception is also a ValueError or an OSError. The message of the exception is one line that says what is wrong, where, and what to do.
-The command line prints this line and exits with status 2. Every other exception is a defect of the program, and the command line shows its
-traceback.
+The message is one line that says what is wrong, where, and what to do. The command line prints it and exits with status 2. Every other
+exception is a defect of the program, and the command line shows its traceback.
 """
 
 

@@ -1,12 +1,9 @@
 """Find simulators, material sources, feature sets, encoders and experiments that other installed packages provide.
 
-A package names its plug-ins in the entry points of one of GROUPS, for example
+A package names its plug-ins in the entry points of one of GROUPS (docs/extending.md), for example
 
     [project.entry-points."radartwin.simulators"]
     echoes = "echo_package.backend:EchoBackend"
-
-The function `find` looks up a name without importing the package, and `load` imports the package. docs/extending.md describes the object
-that a plug-in of each group must provide.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Score methods on the problems of the benchmark and write the leaderboard, OUTPUT/benchmark/leaderboard.csv.
-
-Rows of other methods that another run wrote for the same version of the answers are kept. Several runs may write the same file at once.
-"""
+"""Score methods on the problems of the benchmark and write the leaderboard, which several runs may write at once."""
 
 from __future__ import annotations
 

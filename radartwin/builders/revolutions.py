@@ -1,7 +1,6 @@
-"""Simulate one turntable revolution of each of the user's objects at each distance, and compute feature rows of copies of the revolution.
+"""Simulate one turntable revolution of each of the user's objects at each distance, and compute feature rows of its copies.
 
-The radar is level with the aim height of the object (`OwnObject.aim_m`), and the axis of the turntable is on the boresight. The store keeps
-two results for each revolution: the processed recording without noise, and the feature rows of the copies.
+The radar is level with the aim height of the object (`OwnObject.aim_m`), and the axis of the turntable is on the boresight.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
-"""Build the configured scene: the room with its materials, the objects of the furniture layout, and the target. Describe the scene for the
-provenance of a recording.
+"""Build the configured scene, in the world frame of radartwin/scene/rooms, and describe it for the provenance of a recording.
 
-All coordinates are in the world frame that radartwin/scene/rooms defines. The target's origin is the point at which the radar aims.
+The target's origin is the point at which the radar aims.
 """
 
 from __future__ import annotations

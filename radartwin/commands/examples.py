@@ -1,7 +1,4 @@
-"""Examples at the end of `radartwin VERB --help`, stored as pairs (command, purpose of the command).
-
-tests/end_to_end/test_documents.py parses each example command and composes its configuration.
-"""
+"""Examples at the end of `radartwin VERB --help`, as pairs (command, purpose); test_documents.py composes their configurations."""
 
 from __future__ import annotations
 

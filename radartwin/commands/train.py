@@ -1,7 +1,6 @@
 """Implement the verb `train`: simulate the user's objects, train a recogniser on the simulation, and write it with its model card.
 
-The store keeps the simulated revolutions and the trained recogniser, so that an interrupted command resumes. The training is tracked in
-MLflow in the same way as an experiment.
+The store keeps revolutions and recogniser, so that an interrupted command resumes. MLflow tracks the training like an experiment.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""Implement the verbs (subcommands). The function of a verb takes the parsed arguments, returns the exit status, and imports its modules
-when it is called.
-"""
+"""Implement the verbs (subcommands). A verb's function returns the exit status, and imports its modules when it is called."""
 
 from __future__ import annotations
 

@@ -19,13 +19,14 @@ from radartwin.errors import ConfigError
 MISSING: Any = "???"  # the value of omegaconf.MISSING, without importing OmegaConf: Hydra replaces it with the value in the option's file
 
 
-def choice(default: str | None, *others: str) -> Any:
-    """Define a field whose value must be one of the given words. A default of None means that the field may also be null."""
-    options = others if default is None else (default, *others)
+def choice(default: str | list[str] | None, *others: str) -> Any:
+    """Define a field whose value, or each entry of its list, must be one of the given words. A default of None allows null."""
+    options = (default, *others) if isinstance(default, str) else others
 
-    def check(key: str, value: str) -> None:
-        if value not in options:
-            raise ConfigError(f"{key}={value} is not known; options: {', '.join(options)}")
+    def check(key: str, value: str | list[str]) -> None:
+        for entry in value if isinstance(value, list) else [value]:
+            if entry not in options:
+                raise ConfigError(f"{key}={entry} is not known; options: {', '.join(options)}")
 
     return _field(default, check)
 
@@ -86,8 +87,14 @@ def url(remedy: str) -> Any:
     return _field(None, check)
 
 
-def path_name(default: str | None = None) -> Any:
-    return field(default=default, metadata={"path": True})
+def path_name(missing: str = "") -> Any:
+    """Define a field for a path, null by default; with `missing`, the message of the error if it is not given, empty by default."""
+
+    def check(key: str, value: str) -> None:
+        if missing and not value:
+            raise ConfigError(missing)
+
+    return field(default="" if missing else None, metadata={"path": True, "check": check})
 
 
 def unkeyed(default: Any) -> Any:

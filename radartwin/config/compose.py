@@ -1,7 +1,4 @@
-"""Compose a typed `Config` from command-line overrides. Every mistake in the overrides raises a ConfigError with a message of one line.
-
-A function imports Hydra only when it is called, because this import takes 0.1 s and `radartwin --help` must be fast.
-"""
+"""Compose a typed `Config` from command-line overrides. Every mistake is a ConfigError of one line. Hydra is imported when needed."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
 """Define the composed configuration of a run: one typed field for each Hydra configuration group.
 
-The dataclasses define the types and default values. The files under conf/ define the named options of each group. Each option file lists
-its dataclass in its defaults (`schema_NAME`) and contains only the values that differ from the dataclass.
+An option file under conf/ lists its dataclass in its defaults (`schema_NAME`) and holds only the values that differ from it.
 """
 
 from __future__ import annotations

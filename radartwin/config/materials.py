@@ -1,7 +1,4 @@
-"""Configuration of the room's materials: one dataclass for each material source.
-
-A material source gives every surface of the room its material.
-"""
+"""Configuration of the room's materials: one dataclass for each source that gives every surface of the room its material."""
 
 from __future__ import annotations
 

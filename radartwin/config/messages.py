@@ -1,8 +1,4 @@
-"""Make one-line messages for configuration mistakes: what is wrong, where, and what to do.
-
-Hydra and OmegaConf report one mistake by several exceptions with many lines of text. The function `explain` reduces these lines to one
-line.
-"""
+"""Make one-line messages for configuration mistakes from the several exceptions of Hydra and OmegaConf: what, where, what to do."""
 
 from __future__ import annotations
 

@@ -1,8 +1,7 @@
 """Make configuration options of plug-ins: `simulator=NAME`, `materials=NAME`, `features=NAME` and `experiment=NAME`.
 
-A plug-in needs no configuration file. The option's keys are the fields of the plug-in's dataclass, with their types and defaults. The field
-`code` holds the digest of the plug-in's source code, so that stored results are computed again when this code changes. A worker process
-makes the dataclass of a plug-in again when it unpickles a configuration.
+The option's keys are the fields of the plug-in's dataclass. The field `code` holds the digest of the plug-in's source code, so that stored
+results are computed again when it changes. A worker process makes the dataclass again when it unpickles a configuration.
 """
 
 from __future__ import annotations

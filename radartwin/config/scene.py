@@ -79,10 +79,5 @@ class ScanScene(SceneConfig):
 
     NAMES: ClassVar[tuple[str, ...]] = ("scan",)
     name: str = "scan"
-    path: str = path_name("")
+    path: str = path_name("scene=scan needs the scan: add scene.path=FILE_OR_FOLDER")
     target: str = "none"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not self.path:
-            raise ConfigError("scene=scan needs the scan: add scene.path=FILE_OR_FOLDER")

@@ -75,7 +75,7 @@ class RecordingsConfig(MeasuredConfig):
     """The option that takes real recordings as the measured recordings. Of the fields of GapConfig, only `geometry` then has an effect."""
 
     provider: str = "recordings"
-    folder: str = path_name("")  # folder of the recording set (docs/recording-sets.md)
+    folder: str = path_name("measured=recordings needs the recording set: add measured.folder=FOLDER")  # docs/recording-sets.md
 
     def __post_init__(self) -> None:
         from radartwin.recordings.card import CARD
@@ -83,8 +83,6 @@ class RecordingsConfig(MeasuredConfig):
         super().__post_init__()
         if self.draw is not None:
             raise ConfigError(f"measured.draw={self.draw}: real recordings have no draws; leave measured.draw out")
-        if not self.folder:
-            raise ConfigError("measured=recordings needs the recording set: add measured.folder=FOLDER")
         if not Path(self.folder).is_dir():
             raise ConfigError(f"measured.folder={self.folder} is no folder; give a recording set, made with radartwin import")
         if not (Path(self.folder) / CARD).is_file():
@@ -184,16 +182,10 @@ class CampaignConfig(Checked):
     rover_objects: list[str] = field(
         default_factory=lambda: ["corner_reflector", "can_211_400", "drink_can_355", "mug", "mustard", "mouthwash"]
     )
-    rover_rooms: list[str] = field(default_factory=lambda: ["squash_court"])
+    rover_rooms: list[str] = choice(["squash_court"], *ROOMS)
     rover_distances_m: list[float] = positive([1.0])
     rover_repeats: int = positive(1)
     rover_every: int = positive(4)  # a recording of a rover drive contains every n-th frame; its features need 13 frames
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for room in self.rover_rooms:
-            if room not in ROOMS:
-                raise ConfigError(f"{self.KEY}.rover_rooms={room} is not known; options: {', '.join(ROOMS)}")
 
 
 @dataclass
@@ -230,18 +222,11 @@ class ProfileConfig(Checked):
     unknown_contents: bool = False  # whether some tables also show a simulation that knows only the surface of vessels
     exact_objects: bool = False  # whether tables of object recognition also show a testbed whose objects equal the catalogue
     # quantities of supervision.randomise that the table randomisation_ablation leaves out, one at a time
-    left_out: list[str] = field(default_factory=lambda: ["level", "if_filter", "channels", "noise"])
+    left_out: list[str] = choice(["level", "if_filter", "channels", "noise"], *(entry.name for entry in fields(RandomiseConfig)))
     layout_turns: int = not_negative(0)  # revolutions per recording in the paper's layout (table labelled_probe); 0: none
     campaign: CampaignConfig = field(default_factory=CampaignConfig)
     strength_campaign: StrengthCampaignConfig = field(default_factory=StrengthCampaignConfig)  # recordings for `strengths`
     objects_campaign: ObjectsCampaignConfig = field(default_factory=ObjectsCampaignConfig)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        known = [entry.name for entry in fields(RandomiseConfig)]
-        for name in self.left_out:
-            if name not in known:
-                raise ConfigError(f"profile.left_out={name} is not known; options: {', '.join(known)}")
 
 
 @dataclass

@@ -92,14 +92,9 @@ class FileTrajectory(TrajectoryConfig):
     """The motion option in which a file gives the poses of the radar."""
 
     kind: str = "file"
-    path: str = path_name("")  # file with radar poses: TUM text, CSV text, or a ROS bag
+    path: str = path_name("trajectory=file needs the file: add trajectory.path=FILE")  # TUM text, CSV text, or a ROS bag
     start_s: float = not_negative(0.0)  # time from the first pose in the file to the first simulated frame, in seconds
     axes: str = choice("sensor", "optical")  # axes of the poses in the file: sensor (x forward, z up) | optical (z forward, y down)
     topic: str | None = None  # ROS topic that contains the poses in a ROS bag
     mount_m: list[float] | None = triple("three numbers")  # radar position [x,y,z] in the coordinate frame of the file's poses, metres
     mount_deg: list[float] | None = triple("three numbers")  # roll, pitch and yaw of the radar in the frame of the file's poses
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not self.path:
-            raise ConfigError("trajectory=file needs the file: add trajectory.path=FILE")

@@ -1,7 +1,6 @@
 """Write files atomically, read arrays from files, and lock files against other processes.
 
-The module writes a file under a temporary name in the same folder, forces it to the disk and renames it. Therefore a file is complete or
-absent, even if the process is killed.
+A file is written under a temporary name in the same folder, forced to the disk and renamed, so that it is complete or absent.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
 """Let the C library keep freed memory for reuse, and report how much memory a process uses.
 
-The arrays of the propagation paths of a frame take tens of megabytes and are freed after milliseconds. By default the GNU C library
-requests memory from the system for each array and returns it afterwards. The system clears the memory pages each time, which takes half the
-time of tracing a rotating object (radartwin/simulation/aspects.py).
+By default the GNU C library returns the large arrays of each frame to the system, which clears them again: half of the time of tracing.
 """
 
 import contextlib

@@ -1,7 +1,4 @@
-"""Keep an array that may be larger than memory in an unnamed file on disk, which is memory-mapped.
-
-The file has no name, so that the operating system removes it when the array is no longer used and when the process is killed.
-"""
+"""Keep an array that may be larger than memory in an unnamed file, which the system removes even if the process is killed."""
 
 from __future__ import annotations
 
@@ -19,21 +16,18 @@ from radartwin.errors import OutputError
 
 
 class ScratchArray:
-    """Write an array row by row to an unnamed file, and map the file into memory at the end.
+    """Write an array row by row to an unnamed file in a folder, and map the file into memory at the end.
 
     Args:
-        folder: folder on whose disk the file lies.
         shape: shape of the array; the first axis counts the rows.
-        dtype: type of the elements.
         later_bytes: size of the files that the caller writes to the folder while the array exists.
     Raises:
         OutputError: the folder cannot be written, or its disk lacks the space for the array and the later files.
 
     >>> scratch = ScratchArray(Path(tempfile.gettempdir()), (2, 3), np.float32)
-    >>> scratch.write(np.zeros((1, 3), np.float32))
-    >>> scratch.write(np.ones((1, 3), np.float32))
+    >>> scratch.write(np.ones((2, 3), np.float32))
     >>> scratch.array().sum(axis=1).tolist()
-    [0.0, 3.0]
+    [3.0, 3.0]
     """
 
     def __init__(self, folder: Path, shape: tuple[int, ...], dtype: Any, later_bytes: int = 0) -> None:

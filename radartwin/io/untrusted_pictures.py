@@ -1,7 +1,6 @@
-"""Open pictures from untrusted sources. Only the formats that scanners write are allowed, and at most Pillow's limit of 179 million pixels.
+"""Open pictures from untrusted sources, of the formats that scanners write, and at most Pillow's limit of 179 million pixels.
 
-Without a list of allowed formats, Pillow would detect fifty formats by content and would run other programs for some formats, such as
-Ghostscript for EPS.
+Without a list of formats, Pillow would run other programs for some formats, such as Ghostscript for EPS.
 """
 
 from __future__ import annotations

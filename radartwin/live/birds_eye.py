@@ -1,7 +1,4 @@
-"""Draw the range-azimuth map as a bird's-eye picture, fast enough for every answer.
-
-Matplotlib draws the axes and the colour bar once. Each answer then only fills the pixels of the sector.
-"""
+"""Draw the range-azimuth map as a bird's-eye picture. Matplotlib draws the axes once, and each answer fills only the sector."""
 
 from __future__ import annotations
 

@@ -73,25 +73,8 @@ class Controls:
         self._show_status("<b class='draft'>computing the first answer</b>, which takes some seconds")
 
     @property
-    def materials(self) -> str:
-        return self._materials.value
-
-    @property
-    def bounces(self) -> int:
-        return int(self._bounces.value)
-
-    @property
-    def paths(self) -> int:
-        """Return the number of paths to draw."""
-        return int(self._number.value)
-
-    @property
     def frame(self) -> int:
         return int(self._frame.value)
-
-    @property
-    def shows_measured_map(self) -> bool:
-        return self._which.value == "measured"
 
     def show_status(self, answer: LiveAnswer, count: int, outside: bool) -> None:
         draft = "<b class='draft'>draft</b>, the complete answer follows when nothing moves"
@@ -161,12 +144,12 @@ class Controls:
 
     def _add_simulation(self) -> None:
         with self._gui.add_folder("simulation"):
-            self._bounces = self._gui.add_slider("bounces", min=1, max=MAX_BOUNCES, step=1, initial_value=MAX_BOUNCES)
-            self._materials = self._gui.add_dropdown("materials", tuple(MATERIALS))
-            self._number = self._gui.add_slider("drawn paths", min=0, max=SHOWN_PATHS, step=1, initial_value=12)
-        self._bounces.on_update(lambda _: self._actions.ask())
-        self._materials.on_update(lambda _: self._actions.change_materials())
-        self._number.on_update(lambda _: self._actions.draw())
+            self.bounces = self._gui.add_slider("bounces", min=1, max=MAX_BOUNCES, step=1, initial_value=MAX_BOUNCES)
+            self.materials = self._gui.add_dropdown("materials", tuple(MATERIALS))
+            self.drawn_paths = self._gui.add_slider("drawn paths", min=0, max=SHOWN_PATHS, step=1, initial_value=12)
+        self.bounces.on_update(lambda _: self._actions.ask())
+        self.materials.on_update(lambda _: self._actions.change_materials())
+        self.drawn_paths.on_update(lambda _: self._actions.draw())
 
     def _add_places(self) -> None:
         with self._gui.add_folder("places"):
@@ -191,9 +174,9 @@ class Controls:
         with self._gui.add_folder("recording"):
             self._frame = self._gui.add_slider("frame", min=0, max=playback.frames - 1, step=1, initial_value=0)
             self._plays = self._gui.add_checkbox("play", False)
-            self._which = self._gui.add_dropdown("map", ("simulated", "measured"))
+            self.which_map = self._gui.add_dropdown("map", ("simulated", "measured"))
         self._frame.on_update(lambda _: self._actions.show_frame(self.frame))
-        self._which.on_update(lambda _: self._actions.draw())
+        self.which_map.on_update(lambda _: self._actions.draw())
         self._playback_token = object()  # identifies the newest start or stop of the playback
         self._plays.on_update(lambda _: self._play(playback))
 

@@ -1,7 +1,6 @@
 """Compute what the radar receives in a scene: range profile, range-azimuth map and the strongest paths with their surfaces.
 
-Levels are in decibels of received over transmitted power. The level of a path is that at the centre frequency of the sweep. It includes the
-gain of the antenna element at transmission and at reception.
+Levels are of received over transmitted power, of a path at the centre frequency with the gain of the antenna element, in decibels.
 """
 
 from __future__ import annotations

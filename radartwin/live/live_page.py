@@ -68,7 +68,7 @@ class Page:
         controls = self.controls
         with self._lock:
             poses = {name: self._stage.pose(name) for name in self._movables}
-        return LiveSetting(self._stage.pose(RADAR), poses, controls.materials, controls.bounces)
+        return LiveSetting(self._stage.pose(RADAR), poses, controls.materials.value, int(controls.bounces.value))
 
     def ask(self) -> None:
         """Request the answer to the present setting."""
@@ -76,7 +76,7 @@ class Page:
 
     def change_materials(self) -> None:
         with self._lock, self._server.atomic():
-            self._stage.show_room(self._room(self.controls.materials), list(self._movables.values()))
+            self._stage.show_room(self._room(self.controls.materials.value), list(self._movables.values()))
             self.controls.legend(self._stage.colours)
         self.ask()
 
@@ -154,7 +154,7 @@ class Page:
 
     def _clicked(self, eye: np.ndarray, direction: np.ndarray) -> None:
         with self._lock:
-            paths = self.answer.paths[: self.controls.paths] if self.answer else []
+            paths = self.answer.paths[: int(self.controls.drawn_paths.value)] if self.answer else []
             number = path_at(paths, eye, direction)
             if number is not None:
                 self.choose(None if self._path_number == number else number)
@@ -172,7 +172,7 @@ class Page:
             answer = self.answer
             if answer is None:
                 return
-            paths = answer.paths[: self.controls.paths]
+            paths = answer.paths[: int(self.controls.drawn_paths.value)]
             path_number = self._path_number if self._path_number is not None and self._path_number < len(paths) else None
             spectra, measured, caption = answer.spectra, None, ""
             if self._playback is not None:
@@ -180,7 +180,7 @@ class Page:
                 recorded = self._playback.spectra(frame)
                 measured = recorded.profile_db if self._playback.calibrated else shifted_db(recorded.profile_db, spectra.profile_db)
                 caption = self._playback.caption(frame)
-                if self.controls.shows_measured_map:
+                if self.controls.which_map.value == "measured":
                     spectra = recorded
             seen = answer.spectra.range_m <= self._farthest_m
             top = span_db(answer.spectra.profile_db[seen], PROFILE_DYNAMIC_DB)[1]

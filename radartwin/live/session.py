@@ -1,8 +1,4 @@
-"""Answer the newest setting of the live page: first by a draft, then completely when its search has finished.
-
-One thread computes the answers, and a second thread searches. A newer setting replaces an older one that has not been answered, so that
-the page does not fall behind a drag.
-"""
+"""Answer the newest setting of the live page: first by a draft, then completely when its search, in a second thread, has finished."""
 
 from __future__ import annotations
 

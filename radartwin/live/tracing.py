@@ -1,9 +1,7 @@
-"""Answer a setting of the live page: a draft at once, and the complete answer when the search for its paths has finished.
+"""Answer a setting of the live page: a draft at once, and the complete answer, equal to `radartwin.simulate`, after a search.
 
-A complete answer equals `radartwin.simulate`. Most of its time is the search for sequences of faces and edges of the room. A draft
-evaluates known sequences at the new pose of the radar: the strongest ones of the last complete search, and those with few bounces and at
-most one diffraction that a short search finds at the new pose. A draft has no paths between objects and the room.
-docs/decisions/025-live-view.md has the errors and times of drafts.
+Most of the time is the search for sequences of faces and edges of the room. A draft evaluates the strongest known sequences and those of a
+short search, without paths between objects and the room (docs/decisions/025-live-view.md).
 """
 
 from __future__ import annotations

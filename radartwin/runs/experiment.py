@@ -1,8 +1,4 @@
-"""Define the interface between the runner and an experiment, which is a module with a function `run(config, store, progress) -> Result`.
-
-The runner imports the module that the configuration names (`experiment.module`, or experiments.NAME for `experiment.name`). A finished
-result is saved in the store on disk, so a second run of the same configuration reads the saved result.
-"""
+"""Define the interface between the runner and an experiment, which is a module with a function `run(config, store, progress) -> Result`."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Run the jobs of a sweep one after another, in worker processes, or on a SLURM cluster. A killed job does not end the sweep.
-
-Each job writes how it ended to a file outcome.json in its own folder (radartwin/runs/job.py).
-"""
+"""Run the jobs of a sweep one after another, in worker processes, or on a SLURM cluster. A killed job does not end the sweep."""
 
 from __future__ import annotations
 

@@ -1,8 +1,6 @@
 """Implement `radartwin run --search METRIC`: search for settings that maximise or minimise a metric, with Optuna.
 
-Optuna proposes settings, the sweep's launcher runs an experiment with them, and Optuna receives the resulting metric. The search is saved
-in output/search/NAME.db. NAME depends on the experiment, the fixed overrides, the search space, the metric and its direction, so the same
-command continues an earlier search. If the run that Optuna proposes is already finished, its result is read from the store.
+The search is saved in output/search/NAME.db. NAME depends on all settings of the search, so the same command continues it.
 """
 
 from __future__ import annotations

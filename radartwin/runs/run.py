@@ -1,7 +1,6 @@
 """Run one experiment: compose the configuration, compute the result or read it from the store, and track the run in MLflow.
 
-The run first saves its result in the store on disk and then tracks it in MLflow. If tracking fails, the run only prints a warning, and the
-next run of the same configuration tracks the saved result. radartwin/runs/sweep.py runs several experiments in a sweep.
+The result is saved before it is tracked. If tracking fails, the run warns, and the next run of the same configuration tracks it.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Run a sweep on a SLURM cluster: submitit submits the jobs as one job array, and the command squeue reports which jobs still run.
 
-submitit itself waits forever on a cluster without SLURM accounting. In this module a job has ended when the job's file outcome.json exists
-(radartwin/runs/job.py) or when the SLURM queue no longer contains the job.
+submitit itself waits forever on a cluster without SLURM accounting. Here a job has ended when it wrote outcome.json or left the queue.
 """
 
 from __future__ import annotations

@@ -1,8 +1,6 @@
 """Implement `radartwin run -m`: run one job per combination of values, and print a table of all jobs at the end.
 
-The configurations of all jobs are composed before the first job starts, so that a wrong key is found early. Results of jobs that an earlier
-run finished are read from the store. The launcher that hydra/launcher names runs all other jobs. A sweep stores only the results of its
-jobs, so the same command resumes an interrupted sweep.
+All configurations are composed before the first job starts. The store keeps the results of jobs, so the same command resumes a sweep.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Track runs in MLflow, either in an SQLite database in the output folder or on an MLflow server.
 
-If several processes create the SQLite database at once, they damage it. If two processes write to it at once, one of them fails. Therefore
-one file lock protects every access to the database; the artifacts are plain files and need no lock. A run locks the database twice for a
-short time: once to create the run, and once to end it with all metrics, tags and datasets.
+Processes that create the database at once damage it, and of two that write at once one fails. Therefore one file lock protects it, which a
+run holds twice for a short time: to create the run, and to end it with all metrics, tags and datasets.
 """
 
 from __future__ import annotations

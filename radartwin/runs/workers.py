@@ -1,7 +1,4 @@
-"""Distribute function calls over worker processes. A result must not depend on which worker computed it.
-
-Within a `reused` block, the same workers do several tasks, so their modules stay imported and their kernels stay compiled.
-"""
+"""Distribute function calls over worker processes. A result must not depend on which worker computed it."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""A cache of named arrays. The most recently used entries are in memory. Further entries are in a folder that several processes may share.
-
-Each entry in the folder is one .npz file, which is named by its key and never partly written. The cache removes a damaged entry and warns.
-When the folder exceeds its size limit, the cache removes the least recently used entries.
-"""
+"""A cache of named arrays: the most recently used are in memory, further ones in a folder that several processes may share."""
 
 from __future__ import annotations
 
@@ -29,14 +25,9 @@ _SUFFIX = ".npz"
 
 
 class ArrayCache:
-    """Store named arrays by key, in memory and optionally in a folder.
+    """Store named arrays by key, in memory and optionally in a folder, up to limits in bytes.
 
-    Args:
-        folder: folder in which entries remain after this process ends; None keeps entries in memory only.
-        in_memory_bytes: size limit of the entries in memory, in bytes.
-        max_bytes: size limit of the folder in bytes.
-    Raises:
-        OutputError: the folder cannot be created or written.
+    A file KEY.npz is never partly written. A damaged entry is removed with a warning, and the least recently used if the folder is full.
 
     >>> cache = ArrayCache()
     >>> cache.put("key", {"length_m": np.ones(3)})
@@ -53,11 +44,9 @@ class ArrayCache:
             files.sweep(self.folder)
 
     def get(self, key: str, read: Callable[[Arrays], T]) -> T | None:
-        """Return `read(arrays)` for the arrays stored under this key, or None if the cache has no such entry.
+        """Return `read(arrays)` for the stored arrays, which it must not change, or None if the cache has no such entry.
 
-        Args:
-            read: function that converts the arrays of the entry and must not change them. If `read` raises ValueError, LookupError or
-                TypeError, the cache treats the entry as damaged.
+        If `read` raises ValueError, LookupError or TypeError, the entry is damaged.
         """
         with self._lock:
             if key in self._recent:

@@ -1,10 +1,7 @@
-"""Compute the SHA-256 digests of a configuration, of source code and of input files. The keys of stored results are formed from these
-digests.
+"""Compute the SHA-256 digests of configuration, source code and input files, from which the keys of stored results are formed.
 
-The key of a stored result must change whenever the result could change. The digest of source code covers whole packages: every package with
-a module that the computation imports, directly or indirectly. In this module, a package is a folder two levels deep, such as
-radartwin.simulation; a file in radartwin/ itself counts as its own package. Comments, docstrings, code formatting and imports for type
-checkers do not change the digest of source code. The versions of the installed packages in NUMERICAL change the digest.
+The digest of source code covers whole packages (folders two levels deep, such as radartwin.simulation): every one with a module that the
+computation imports, and the versions of NUMERICAL. Comments, docstrings, formatting and imports for type checkers do not change it.
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""Implement `radartwin demo`: turn a shipped phone scan of a furnished room into a labelled scene, a recording, named echoes and a page,
-with the functions of the verbs reconstruct, label, simulate, process and view.
-
-The scan is in the folder `scan` beside this file, with its source and licence. A second run computes and replaces all files again.
-"""
+"""Implement `radartwin demo`: turn a shipped phone scan (folder `scan`) into a labelled scene, a recording, named echoes and a page."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Write the page of `radartwin demo`: one HTML file that shows the scan, its materials, the echoes with the things from which they come,
-and the next commands to type. Write the same pictures side by side as `demo.png`.
-"""
+"""Write the page of `radartwin demo` in one HTML file, and its pictures side by side as `demo.png`."""
 
 from __future__ import annotations
 
