@@ -20,7 +20,7 @@ import numpy as np
 
 from radartwin.benchmark import frozen_problems
 from radartwin.benchmark.frozen_problems import Problem
-from radartwin.errors import InputError, MissingError
+from radartwin.errors import InputError
 from radartwin.io import files
 from radartwin.radar.chirp import Radar
 
@@ -105,13 +105,8 @@ def _problem(folder: Path, name: str, entry: Any) -> tuple[dict[str, np.ndarray]
     problem = frozen_problems.problem(name)
     _check_frequencies(problem.radar, entry.get("frequencies"), where)
     seconds = _checked_seconds(entry.get("seconds_per_frame"), where)
-    path = files.inside(folder, entry["file"])
-    if not path.is_file():
-        raise MissingError(f"{path}: no such file, but {where} names it; copy it into the folder")
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    if digest != entry.get("sha256"):
-        raise InputError(f"{path} has the SHA-256 checksum {digest[:12]}..., not that of {where}; write the folder again")
-    return _checked(problem, files.read_arrays(path), str(path)), seconds
+    arrays = frozen_problems.checked_arrays(folder, entry, where, "write the folder again")
+    return _checked(problem, arrays, str(folder / entry["file"])), seconds
 
 
 def _check_frequencies(radar: Radar, given: Any, where: str) -> None:

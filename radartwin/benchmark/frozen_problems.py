@@ -113,21 +113,22 @@ def problem(name: str, folder: Path = FOLDER) -> Problem:
     if name not in entries:
         raise InputError(f"problem {name!r} is not known; choose one of {', '.join(entries)}")
     entry = entries[name]
-    path = files.inside(folder, entry["file"])
-    if not path.is_file():
-        raise MissingError(f"{path}: the answers of problem {name} are missing; install radartwin again")
-    content = path.read_bytes()
-    digest = hashlib.sha256(content).hexdigest()
-    if digest != entry["sha256"]:
-        raise InputError(
-            f"{path} has the SHA-256 checksum {digest[:12]}..., but {INDEX} of version {version(folder)} says {entry['sha256'][:12]}...; "
-            "install radartwin again"
-        )
-    arrays = files.read_arrays(path)
+    arrays = checked_arrays(folder, entry, f"{INDEX} of version {version(folder)}", "install radartwin again")
     radar = radar_of(entry["radar"])
     scenarios = tuple(_scenario(key, surfaces, arrays, radar) for key, surfaces in entry["scenarios"].items())
     near, far = entry["gate_m"]
     return Problem(name, entry["title"], entry["rests_on"], entry["known_error"], (near, far), radar, scenarios)
+
+
+def checked_arrays(folder: Path, entry: Mapping[str, Any], where: str, remedy: str) -> dict[str, Array]:
+    """Read the .npz file of an entry of an index. Raises MissingError, or InputError if the file has another checksum than the entry."""
+    path = files.inside(folder, entry["file"])
+    if not path.is_file():
+        raise MissingError(f"{path}: no such file, but {where} names it; {remedy}")
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    if digest != entry.get("sha256"):
+        raise InputError(f"{path} has the SHA-256 checksum {digest[:12]}..., not that of {where}; {remedy}")
+    return files.read_arrays(path)
 
 
 def problems(folder: Path = FOLDER) -> list[Problem]:

@@ -13,7 +13,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import connection
 from multiprocessing.util import Finalize
@@ -22,7 +22,7 @@ from typing import Any
 from radartwin.compiled import share_cores, sharers
 from radartwin.io.one_line import show_warning
 
-__all__ = ["BrokenProcessPool", "ProcessPool", "in_worker"]
+__all__ = ["BrokenProcessPool", "ProcessPool", "finished", "in_worker"]
 
 ENDS_WITHIN_S = 5.0  # time that a worker has to remove its temporary files
 _in_worker = False
@@ -68,6 +68,18 @@ class ProcessPool:
             if not connection.wait([process.sentinel], max(0.0, end - time.monotonic())):
                 process.kill()
         self._executor.shutdown(cancel_futures=True)
+
+
+def finished(start: Callable[[int], Future[Any] | None], slots: int) -> Iterator[tuple[int, Future[Any]]]:
+    """Yield (slot, call) as calls finish. `start(slot)` submits the next call of a slot, 0 to `slots` - 1, or returns None without one."""
+    running: dict[Future[Any], int] = {}
+    free = list(range(slots))
+    while free or running:
+        running |= {call: slot for slot in free if (call := start(slot)) is not None}
+        free = []
+        for call in wait(running, return_when=FIRST_COMPLETED).done if running else ():
+            free.append(running.pop(call))
+            yield free[-1], call
 
 
 def in_worker() -> bool:

@@ -69,36 +69,36 @@ def doctor_data(folder: Path) -> int:
 
 
 def examine(output: Path) -> Iterator[Finding]:
-    yield _python()
-    yield from _libraries()
-    yield from _devices()
-    yield _cpus()
-    disk = _disk(output)
-    yield disk
-    if disk.status != "missing":
-        yield from _cache(output)
-        yield _tracking(output)
-
-
-def _python() -> Finding:
     head, dirty = commit()
     code = f", commit {head[:12]}{' with changes' if dirty else ''}" if head != "none" else ""
     number = ".".join(map(str, sys.version_info[:3]))
     good = (3, 11) <= sys.version_info[:2] <= (3, 13)
     remedy = "" if good else "install Python 3.11, 3.12 or 3.13"
-    return Finding("python", "ok" if good else "missing", f"{number}; radartwin {__version__}{code}", remedy)
-
-
-def _libraries() -> Iterator[Finding]:
-    installed, absent = [], []
+    yield Finding("python", "ok" if good else "missing", f"{number}; radartwin {__version__}{code}", remedy)
+    installed = {}
     for name in LIBRARIES:
-        try:
-            installed.append(f"{name} {importlib.metadata.version(name)}")
-        except importlib.metadata.PackageNotFoundError:
-            absent.append(name)
-    yield Finding("libraries", "ok", ", ".join(installed))
-    if absent:
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+            installed[name] = importlib.metadata.version(name)
+    yield Finding("libraries", "ok", ", ".join(map(" ".join, installed.items())))
+    if absent := [name for name in LIBRARIES if name not in installed]:
         yield Finding("libraries", "missing", ", ".join(absent), f"pip install {' '.join(absent)} -c constraints.txt")
+    yield from _devices()
+    pages = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e9
+    yield Finding("machine", "ok", f"{plural(os.cpu_count() or 1, 'core')}, {pages:.0f} GB memory")
+    try:
+        files.check_folder(output)
+    except OutputError as error:
+        yield Finding("disk", "missing", str(error), "give a folder that can be written with --output DIR")
+        return
+    folder = next(parent for parent in (output.absolute(), *output.absolute().parents) if parent.exists())
+    free = shutil.disk_usage(folder).free / 1e9
+    enough = free >= DISK_NEEDED_GB
+    remedy = "" if enough else f"free {DISK_NEEDED_GB:g} GB or choose another folder with --output DIR"
+    yield Finding("disk", "ok" if enough else "note", f"{free:.0f} GB free in {folder}", remedy)
+    if (output / CACHE).is_dir():
+        size_mb = files.folder_bytes(output / CACHE) / 1e6
+        yield Finding("cache", "ok", f"{size_mb:.0f} MB in {output / CACHE}; runs compute again what is deleted there")
+    yield _tracking(output)
 
 
 def _devices() -> Iterator[Finding]:
@@ -115,31 +115,6 @@ def _devices() -> Iterator[Finding]:
         yield Finding("llvm", "note" if cuda else "missing", text, variant.REMEDY)
     if cuda or llvm is not None:
         yield Finding("variant", "ok", "cuda_ad_rgb" if cuda else "llvm_ad_rgb")
-
-
-def _cpus() -> Finding:
-    pages = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e9
-    return Finding("machine", "ok", f"{plural(os.cpu_count() or 1, 'core')}, {pages:.0f} GB memory")
-
-
-def _disk(output: Path) -> Finding:
-    try:
-        files.check_folder(output)
-    except OutputError as error:
-        return Finding("disk", "missing", str(error), "give a folder that can be written with --output DIR")
-    folder = output.absolute()
-    while not folder.exists():
-        folder = folder.parent
-    free = shutil.disk_usage(folder).free / 1e9
-    enough = free >= DISK_NEEDED_GB
-    remedy = "" if enough else f"free {DISK_NEEDED_GB:g} GB or choose another folder with --output DIR"
-    return Finding("disk", "ok" if enough else "note", f"{free:.0f} GB free in {folder}", remedy)
-
-
-def _cache(output: Path) -> Iterator[Finding]:
-    if (output / CACHE).is_dir():
-        size_mb = files.folder_bytes(output / CACHE) / 1e6
-        yield Finding("cache", "ok", f"{size_mb:.0f} MB in {output / CACHE}; runs compute again what is deleted there")
 
 
 def _tracking(output: Path) -> Finding:

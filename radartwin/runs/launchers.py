@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
 from radartwin.compiled import cores
 from radartwin.errors import ConfigError
-from radartwin.io.process_pool import BrokenProcessPool, ProcessPool
+from radartwin.io.process_pool import BrokenProcessPool, ProcessPool, finished
 from radartwin.runs.job import Job, Outcome, run
 from radartwin.runs.slurm import run_on_slurm
 
@@ -41,26 +41,23 @@ def _run_in_workers(n_jobs: int, jobs: Sequence[Job], ended: Ended) -> None:
     """Run the jobs in `n_jobs` worker processes. -1 means one per processor core, -2 one less, and so on."""
     count = min(len(jobs), n_jobs if n_jobs > 0 else max(1, cores() + 1 + n_jobs))
     pools = [ProcessPool(1, beside=count, nested=True) for _ in range(count)]  # the kill of a worker ends all workers of its pool
-    waiting, running = iter(jobs), dict[Future[Outcome], tuple[int, Job]]()
+    waiting, running = iter(jobs), dict[int, Job]()
 
-    def submit(slot: int) -> None:
+    def start(slot: int) -> Future[Outcome] | None:
         if job := next(waiting, None):
-            running[pools[slot].submit(run, job)] = slot, job
+            running[slot] = job
+            return pools[slot].submit(run, job)
+        return None
 
     try:
-        for slot in range(count):
-            submit(slot)
-        while running:
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                slot, job = running.pop(future)
-                try:
-                    outcome = future.result()
-                except BrokenProcessPool:
-                    outcome = job.lost(KILLED)
-                    pools[slot].end()
-                    pools[slot] = ProcessPool(1, beside=count, nested=True)
-                ended(job, outcome)
-                submit(slot)
+        for slot, call in finished(start, count):
+            try:
+                outcome = call.result()
+            except BrokenProcessPool:
+                outcome = running[slot].lost(KILLED)
+                pools[slot].end()
+                pools[slot] = ProcessPool(1, beside=count, nested=True)
+            ended(running[slot], outcome)
     finally:
         with ThreadPoolExecutor(count) as threads:  # each worker has some seconds for its clean-up
             list(threads.map(ProcessPool.end, pools))

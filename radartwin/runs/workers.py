@@ -5,13 +5,13 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import Future
 from typing import Any
 
 from radartwin.compiled import cores, sharers
 from radartwin.errors import CrashError
 from radartwin.io import memory
-from radartwin.io.process_pool import BrokenProcessPool, ProcessPool, in_worker
+from radartwin.io.process_pool import BrokenProcessPool, ProcessPool, finished, in_worker
 from radartwin.store import products
 
 BYTES_PER_WORKER = 8e9  # memory in bytes that one worker needs to simulate the room `atrium`
@@ -91,21 +91,16 @@ def run(
         CrashError: a worker died or ran out of memory. Any other error is a programming error and carries the worker's traceback.
     """
     pool = _pool_of(count, fresh)
-    running: dict[Future[Any], int] = {}
 
-    def submit(worker: int) -> None:
-        if (arguments := next_call(worker)) is not None:
-            running[pool.submit(_counted, function, arguments)] = worker
+    def start(worker: int) -> Future[Any] | None:
+        arguments = next_call(worker)
+        return None if arguments is None else pool.submit(_counted, function, arguments)
 
     try:
-        for worker in range(count):
-            submit(worker)
-        while running:
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                value, counts = future.result()
-                products.count(counts)
-                on_result(value)
-                submit(running.pop(future))
+        for _, call in finished(start, count):
+            value, counts = call.result()
+            products.count(counts)
+            on_result(value)
         if not _reusing or any(memory.resident_bytes(pid) > IDLE_BYTES for pid in pool.pids):
             _end_pool()
     except BaseException as error:
