@@ -1,9 +1,8 @@
 """Run one job of a sweep for a launcher: run the experiment, write how the job ended to a file, and raise no exception.
 
-An exception in a launcher would lose the remaining jobs of the sweep. Each job writes three files to its own folder:
+An exception in a launcher would lose the remaining jobs of the sweep. Each job writes two files to its own folder:
 
-    started        written first; a folder with this file and without outcome.json belongs to a job that was killed
-    log.txt        standard error of the job, with the traceback of a programming error
+    log.txt        standard error of the job, with the traceback of a programming error; without outcome.json, the job was killed
     outcome.json   how the job ended, written atomically
 """
 
@@ -27,7 +26,7 @@ from radartwin.io.one_line import one_line
 from radartwin.io.progress import Progress
 from radartwin.runs.run import naming, run_experiment
 
-OUTCOME, STARTED, LOG = "outcome.json", "started", "log.txt"
+OUTCOME, LOG = "outcome.json", "log.txt"
 DONE, CACHED, FAILED, REFUSED, UNFINISHED = "done", "cached", "failed", "refused", "not run"
 STATUSES = (DONE, CACHED, FAILED, REFUSED, UNFINISHED)
 
@@ -93,7 +92,6 @@ class Job:
 
 def run(job: Job) -> Outcome:
     """Run one job of a sweep, in any process or on any machine. Return how the job ended, and write it to the job's folder."""
-    (job.folder / STARTED).touch()
     started, log = time.monotonic(), job.folder / LOG
     with (
         log.open("w", encoding="utf-8", buffering=1) as stream,

@@ -19,7 +19,7 @@ from radartwin.io import files
 from radartwin.io.one_line import plural
 from radartwin.runs.job import FAILED, Outcome
 from radartwin.runs.run import extend_path, naming
-from radartwin.runs.sweep import Sweep, composed, folders, split
+from radartwin.runs.sweep import composed, folders, split, sweeping
 from radartwin.store.digest import spec_digest
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def search(overrides: Sequence[str], config_dirs: Sequence[Path], goal: SearchGo
     (first,) = composed([[*fixed, *middle]], composer)
     study, place = _study(first, fixed, searched, goal)
     title = f"search {goal.direction} {goal.metric} over {' '.join(override for override in settings if naming([override]))}"
-    with Sweep(first, [*fixed, *middle], ["--search", goal.metric, *overrides, *folders(config_dirs)], composer, title) as running:
+    with sweeping(first, [*fixed, *middle], ["--search", goal.metric, *overrides, *folders(config_dirs)], composer, title) as running:
         while (done := len(_finished(study))) < goal.trials:
             trials = [study.ask(searched) for _ in range(min(goal.at_once, goal.trials - done))]
             proposed = [[*fixed, *(f"{key}={_text(value)}" for key, value in trial.params.items())] for trial in trials]

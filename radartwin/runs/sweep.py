@@ -11,8 +11,8 @@ import json
 import re
 import shlex
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from radartwin.errors import ConfigError, UserError
 from radartwin.io import files, untrusted_json
 from radartwin.runs.checkout import commit
 from radartwin.runs.experiment import load, module_name
-from radartwin.runs.job import FAILED, OUTCOME, REFUSED, STARTED, STATUSES, UNFINISHED, Job, Outcome, job_name, run
+from radartwin.runs.job import FAILED, LOG, OUTCOME, REFUSED, STATUSES, UNFINISHED, Job, Outcome, job_name, run
 from radartwin.runs.launchers import launcher
 from radartwin.runs.run import extend_path, finished, naming
 from radartwin.runs.tracking import Tracker
@@ -41,15 +41,16 @@ def sweep(overrides: Sequence[str], config_dirs: Sequence[Path] = ()) -> int:
     jobs = [sorted(job, key=common.__contains__) for job in jobs]  # the swept values come first in the names of the jobs
     configs = composed(jobs, composer)
     title = " ".join(override for override in settings if naming([override]))
-    with Sweep(configs[0], jobs[0], ["-m", *overrides, *folders(config_dirs)], composer, title) as running:
+    with sweeping(configs[0], jobs[0], ["-m", *overrides, *folders(config_dirs)], composer, title) as running:
         running.run({number: (job, config) for number, (job, config) in enumerate(zip(jobs, configs, strict=True))})
     return running.close()
 
 
-class Sweep:
-    """A running sweep. Its folder holds sweep.json (experiment, command and commit), jobs.csv (a row per job), and a folder per job.
+@contextlib.contextmanager
+def sweeping(first: Config, overrides: Sequence[str], command: Sequence[str], composer: Composer, title: str) -> Iterator[Sweep]:
+    """Open a sweep within the `with` block, and wait while another process runs it. The same command uses the same folder again.
 
-    The same command uses the same folder again, and waits while another process runs it.
+    The folder holds sweep.json (experiment, command and commit), jobs.csv (a row per job), and a folder per job.
 
     Args:
         first: configuration of one job; all jobs of a sweep have the same result table and output folder.
@@ -59,99 +60,100 @@ class Sweep:
     Raises:
         ConfigError: the launcher or a setting of Hydra is refused, or hydra.sweep.dir names the folder of another sweep.
     """
-
-    def __init__(self, first: Config, overrides: Sequence[str], command: Sequence[str], composer: Composer, title: str) -> None:
-        load(first.experiment)
-        table = first.experiment.name or module_name(first.experiment)
-        option, settings, folder = composer.launching([*overrides, *split(command)[1]])
-        self._launch = launcher(option, settings)
-        self._key = spec_digest([table, title])[:KEY_LENGTH]
-        usual = Path(first.output) / "sweeps" / f"{re.sub(r'[^A-Za-z0-9_.-]', '_', table)}_{self._key[:SHORT]}"
-        self.folder = Path(folder or usual).absolute()
-        self._experiment, self._title, self._results = table, title or table, Path(first.output).absolute() / CACHE / RUN
-        self._described = {"experiment": table, "key": self._key, "command": shlex.join(["radartwin", "run", *command])}
-        if (self.folder / DESCRIPTION).exists() and untrusted_json.read(self.folder / DESCRIPTION).get("key") != self._key:
-            raise ConfigError(f"hydra.sweep.dir={self.folder} holds another sweep; choose another folder")
-        self.outcomes: dict[int, Outcome] = {}
-        self._tracker = Tracker(first.tracking, Path(first.output))
-        self._parent: str | None = None
-        self._jobs: dict[int, list[str]] = {}
-        self._total = 0
-        self._held = contextlib.ExitStack()
-
-    def __enter__(self) -> Sweep:
-        waiting = f"waiting for another process that runs the sweep in {self.folder}"
-        self._held.enter_context(files.lock(files.make_folder(self.folder) / "sweep.lock", lambda: print(waiting, flush=True)))
+    load(first.experiment)
+    table, output = first.experiment.name or module_name(first.experiment), Path(first.output)
+    option, settings, named = composer.launching([*overrides, *split(command)[1]])
+    launch, tracker = launcher(option, settings), Tracker(first.tracking, output)
+    key = spec_digest([table, title])[:KEY_LENGTH]
+    folder = Path(named or output / "sweeps" / f"{re.sub(r'[^A-Za-z0-9_.-]', '_', table)}_{key[:SHORT]}").absolute()
+    if (folder / DESCRIPTION).exists() and untrusted_json.read(folder / DESCRIPTION).get("key") != key:
+        raise ConfigError(f"hydra.sweep.dir={folder} holds another sweep; choose another folder")
+    waiting = f"waiting for another process that runs the sweep in {folder}"
+    with files.lock(files.make_folder(folder) / "sweep.lock", lambda: print(waiting, flush=True)):
         head, dirty = commit()
-        described = {**self._described, "git_commit": head, "dirty": dirty, "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
-        files.write_atomically(self.folder / DESCRIPTION, json.dumps(described, indent=1) + "\n")
-        self._parent = self._tracker.sweep(self._experiment, self._title, self._key)
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
-        with self._held:
-            self._collect()
-            if kind is None:
-                status = "FINISHED" if all(o.finished for o in self.outcomes.values()) else "FAILED"
-            else:
-                status = "KILLED" if issubclass(kind, KeyboardInterrupt) else "FAILED"
-                print(self._totals())
+        described = {"experiment": table, "key": key, "command": shlex.join(["radartwin", "run", *command]), "git_commit": head}
+        described |= {"dirty": dirty, "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
+        files.write_atomically(folder / DESCRIPTION, json.dumps(described, indent=1) + "\n")
+        running = Sweep(folder, table, output.absolute() / CACHE / RUN, launch, tracker.sweep(table, title or table, key))
+        status, ended = "FAILED", False
+        try:
+            yield running
+            status, ended = "FINISHED" if all(outcome.finished for outcome in running.outcomes.values()) else "FAILED", True
+        except KeyboardInterrupt:
+            status = "KILLED"
+            raise
+        finally:
+            running.collect()
+            if not ended:
+                print(running.totals())
             try:
-                files.write_atomically(self.folder / TABLE, self._table())
+                files.write_atomically(folder / TABLE, running.table())
             finally:
-                table = self.folder / TABLE
-                self._tracker.end_sweep(self._parent, status, table if table.exists() else None)
+                tracker.end_sweep(running.parent, status, folder / TABLE if (folder / TABLE).exists() else None)
+
+
+@dataclass
+class Sweep:
+    """A running sweep, and how its jobs ended."""
+
+    folder: Path
+    experiment: str
+    results: Path  # folder of the stored results
+    launch: Callable[[Sequence[Job], Callable[[Job, Outcome], None]], None]
+    parent: str | None  # id of the parent run in MLflow
+    outcomes: dict[int, Outcome] = field(default_factory=dict)
+    jobs: dict[int, list[str]] = field(default_factory=dict)
 
     def run(self, jobs: Mapping[int, tuple[list[str], Config]], total: int | None = None) -> None:
         """Run the jobs by number, each (overrides, configuration). Results of finished jobs are read from the store."""
-        self._total = total or len(jobs)
-        self._jobs |= {number: overrides for number, (overrides, _) in jobs.items()}
+
+        def ended(job: Job, outcome: Outcome) -> None:
+            self.outcomes[int(job.folder.name)] = outcome
+            print(f"[{len(self.outcomes)}/{total or len(jobs)}] {outcome}", flush=True)
+
+        self.jobs |= {number: overrides for number, (overrides, _) in jobs.items()}
         prepared: list[Job] = []
         for number, (overrides, config) in jobs.items():
             folder = files.make_folder(self.folder / str(number))
-            for name in (OUTCOME, STARTED):
+            for name in (OUTCOME, LOG):
                 (folder / name).unlink(missing_ok=True)
-            job = Job(overrides, replace(config, tracking=replace(config.tracking, parent_run_id=self._parent)), folder)
+            job = Job(overrides, replace(config, tracking=replace(config.tracking, parent_run_id=self.parent)), folder)
             if _finished(config):
-                self._ended(number, run(job))
+                ended(job, run(job))
             else:
                 prepared.append(job)
         if prepared:
-            self._launch(prepared, lambda job, outcome: self._ended(int(job.folder.name), outcome))
-
-    def _ended(self, number: int, outcome: Outcome) -> None:
-        self.outcomes[number] = outcome
-        print(f"[{len(self.outcomes)}/{self._total}] {outcome}", flush=True)
+            self.launch(prepared, ended)
 
     def close(self) -> int:
         """Print the table of the sweep's jobs. Return the exit status."""
         for outcome in sorted(self.outcomes.values(), key=lambda o: STATUSES.index(o.status)):
             print(f"{outcome}{f'; log {outcome.log}' if outcome.log and not outcome.finished else ''}")
-        print(self._totals())
+        print(self.totals())
         statuses = {outcome.status for outcome in self.outcomes.values()}
         return 1 if statuses & {FAILED, UNFINISHED} else 2 if REFUSED in statuses else 0
 
-    def _collect(self) -> None:
+    def collect(self) -> None:
         """Take the outcomes of the jobs that ended just before an interruption, and note the other jobs as unfinished."""
-        for number, overrides in self._jobs.items():
+        for number, overrides in self.jobs.items():
             if number not in self.outcomes:
                 folder = self.folder / str(number)
-                stopped = "stopped before its end" if (folder / STARTED).exists() else "not begun"
+                stopped = "stopped before its end" if (folder / LOG).exists() else "not begun"
                 self.outcomes[number] = Outcome.read(folder) or Outcome(job_name(overrides), UNFINISHED, stopped)
 
-    def _totals(self) -> str:
+    def totals(self) -> str:
         count = {status: sum(o.status == status for o in self.outcomes.values()) for status in STATUSES}
         counts = {status: n for status, n in count.items() if n or status != UNFINISHED}
         return "sweep: " + ", ".join(f"{n} {status}" for status, n in counts.items()) + f"; {self.folder / TABLE}"
 
-    def _table(self) -> str:
+    def table(self) -> str:
         """Format the jobs as CSV, with a column per option and per metric. Trials of an earlier command of a search keep their rows."""
         table = self.folder / TABLE
         earlier = csv.DictReader(table.read_text(encoding="utf-8").splitlines()) if table.exists() else ()
         known: dict[int, dict[str, Any]] = {int(row["job"]): row for row in earlier if row.get("job", "").isdecimal()}
         known |= {
-            number: {"job": number, "experiment": self._experiment, **naming(self._jobs[number]), "status": outcome.status}
-            | {"run_key": outcome.run_key, **outcome.metrics, "result": self._results / outcome.run_key if outcome.run_key else ""}
+            number: {"job": number, "experiment": self.experiment, **naming(self.jobs[number]), "status": outcome.status}
+            | {"run_key": outcome.run_key, **outcome.metrics, "result": self.results / outcome.run_key if outcome.run_key else ""}
             | {"line": outcome.line, "log": outcome.log, "seconds": outcome.seconds}
             for number, outcome in self.outcomes.items()
         }

@@ -97,10 +97,10 @@ def test_two_interrupts_keep_the_finished_runs_of_a_sweep_which_resumes(study: S
     (study.folder / "HOLD_2").touch()
     for launcher in ("basic", "joblib"):
         sweep = study.start("-m", f"hydra/launcher={launcher}", SEEDS)
-        wait_until(lambda: bool(list((study.output / "sweeps").glob("*/2/started"))))
+        wait_until(lambda: bool(list((study.output / "sweeps").glob("*/2/log.txt"))))
         time.sleep(1)
         assert "sweep: " in interrupted_twice(sweep)
-        for path in (study.output / "sweeps").glob("*/2/started"):
+        for path in (study.output / "sweeps").glob("*/2/log.txt"):
             path.unlink()
     (study.folder / "HOLD_2").unlink()
     code, _, complained = study.run("-m", SEEDS)

@@ -143,7 +143,7 @@ def test_the_composed_configuration_is_printed_without_a_run(inside, own: list[s
 def test_a_terminated_sweep_has_the_status_that_shells_expect(own: list[str], tmp_path: Path) -> None:
     (tmp_path / "mine" / "HOLD_3").touch()
     run = started([sys.executable, "-m", "radartwin", *own, "-m", "tracking=off", "seed=3"], tmp_path)
-    wait_until(lambda: list(tmp_path.glob("out/sweeps/*/0/started")) or run.poll() is not None)
+    wait_until(lambda: list(tmp_path.glob("out/sweeps/*/0/log.txt")) or run.poll() is not None)
     run.send_signal(signal.SIGTERM)
     complained = run.communicate(timeout=60)[1]
     assert run.returncode == 128 + signal.SIGTERM, complained
