@@ -73,10 +73,11 @@ def find(group: str, name: str, built_in: Collection[str] = ()) -> Plugin | None
     return next(iter(_plugins(group, name)), None)
 
 
+@functools.cache
 def load(plugin: Plugin) -> Any:
     """Import a plug-in and return its object. If the import fails, raise a PluginError whose one-line message names the package."""
     try:
-        return _loaded(plugin)
+        return metadata.EntryPoint(plugin.name, plugin.value, plugin.group).load()
     except (Exception, SystemExit) as error:  # code of another package may raise anything
         raise refusal(plugin, f"its import raised {type(error).__name__}: {_first_line(error)}") from error
 
@@ -84,11 +85,6 @@ def load(plugin: Plugin) -> Any:
 def refusal(plugin: Plugin, reason: str) -> PluginError:
     """Return an error whose message says that the plug-in cannot be used, and gives the reason."""
     return PluginError(f"{plugin} cannot be used: {reason}; correct or uninstall {plugin.package}")
-
-
-@functools.cache
-def _loaded(plugin: Plugin) -> Any:
-    return metadata.EntryPoint(plugin.name, plugin.value, plugin.group).load()
 
 
 def _plugins(group: str, name: str) -> list[Plugin]:

@@ -1,9 +1,7 @@
 """Run a simulator on the problems of the benchmark, and measure its seconds per frame.
 
-A method is scored with the radar of the problem, a single element. The time of the method is the wall time per frame of the whole IWR1843
-(ARRAY: 16 chirps, 2 transmitters, 4 receivers, 256 samples) on the same scenario, from the scene to the samples, without the compilation of
-kernels. Set-up work counts and is divided by the frames of the timed recording. RF-Genesis as published evaluates 128 equal sums per frame;
-one sum is timed and its time is multiplied by 128.
+A method is scored with the radar of the problem, a single element, and timed with the whole IWR1843 (ARRAY) on the same scenario, from the
+scene to the samples, without the compilation of kernels. Of RF-Genesis as published, one of 128 equal sums per frame is timed.
 """
 
 from __future__ import annotations

@@ -41,12 +41,7 @@ def write(
 ) -> Path:
     """Write the signals of a method, the file method.json last. All arguments are checked before the first file is written.
 
-    Args:
-        signals: by problem and scenario, complex samples (S, N) in amplitude units.
-        seconds_per_frame: by problem, wall seconds per frame of the method.
-    Raises:
-        InputError: a problem, a scenario, a shape, the seconds or the name of the method or machine is wrong.
-        OutputError: the folder cannot be written.
+    signals: by problem and scenario, complex samples (S, N) in amplitude units. seconds_per_frame: by problem, wall seconds.
     """
     _check_names(method, machine, str(folder))
     folder, contents, entries = Path(folder), {}, {}
@@ -69,9 +64,7 @@ def write(
 def read(folder: Path) -> tuple[dict[str, Any], dict[str, tuple[dict[str, np.ndarray], float]]]:
     """Return the content of method.json, and by problem the signals (S, N) of each scenario and the seconds per frame.
 
-    Raises:
-        MissingError: a file is absent.
-        InputError: a file is damaged, or has another version, checksum, frequency grid or shape than it must have.
+    Raises MissingError or InputError for an absent or damaged file, or a wrong version, checksum, frequency grid or shape.
     """
     path = folder / DESCRIPTION
     described = frozen_problems.described(path, FORMAT, REMEDY)

@@ -46,14 +46,10 @@ def row(method: str, problem: Problem, signals: Mapping[str, np.ndarray], second
 
 
 def benchmark(output: Path, methods: Sequence[str], problem_names: Sequence[str], say: Callable[[str], None]) -> tuple[Path, list[Row]]:
-    """Score methods, write the leaderboard after each method, and return its path and its rows.
+    """Score methods, write the leaderboard after each method, and return its path and its rows. All arguments are checked first.
 
-    Args:
-        methods: names of simulators or folders of signals (./NAME if NAME is also a simulator); empty: all of `entrants.METHODS`.
-        problem_names: an empty list means all. A folder is scored on those of these problems that it contains.
-    Raises:
-        InputError, MissingError: a method or problem is unknown, or a folder is wrong. All arguments are checked before the first run.
-        OutputError: the leaderboard cannot be written.
+    methods: names of simulators or folders of signals (./NAME if NAME is also a simulator); empty: all of `entrants.METHODS`.
+    problem_names: an empty list means all. A folder is scored on those of these problems that it contains.
     """
     path = output / FOLDER / NAME
     files.sweep(files.check_folder(path.parent))

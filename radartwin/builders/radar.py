@@ -15,11 +15,7 @@ from radartwin.radar.named import NAMED
 def build_radar(config: RadarConfig) -> Radar:
     """Build the radar from the configured radar file, or from the named radar with the configured values.
 
-    An array table replaces the antennas and their gains, and the configured `element` replaces their pattern.
-
-    Raises:
-        InputError: a configured value is impossible for a radar.
-        MissingError, RecordingError: the radar file or the array table is absent or malformed.
+    An array table replaces the antennas and their gains, and the configured `element` replaces their pattern. Raises UserError.
     """
     array = {"tx_gains_db": None, "rx_gains_db": None, **read_array(config.array)} if config.array else {}
     element = {"element": config.element} if config.element else {}

@@ -92,10 +92,7 @@ def simulate_setup(
 ) -> Recording:
     """Simulate a recording of a radar, a room and a target. Of the configuration, only simulator, features and seed are read.
 
-    Args:
-        target: name of the target. If the repeatability of its features is unknown, simulator=auto uses limits pooled over all objects.
-        noise, out: as in `radartwin.simulation.simulate.simulate`.
-        store, say: see `radartwin.builders.simulator.choose_simulator`.
+    The name of the target chooses the limits of simulator=auto. `choose_simulator` describes `store` and `say`, and `simulate` the rest.
     """
     simulator = config.simulator
     if isinstance(simulator, AutoSimulator):

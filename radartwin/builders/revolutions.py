@@ -133,13 +133,9 @@ def compute(revolution: Revolution) -> None:
 def plan(
     config: Config, own_objects: Sequence[OwnObject], distances_m: Sequence[float], frames: int | None, root: Path
 ) -> tuple[list[Revolution], dict[str, Any]]:
-    """Return the revolutions of all objects at all distances, and a description of the room (see `describe_room`).
+    """Return the revolutions of all objects at all distances, and a description of the room. Raises UserError.
 
-    Args:
-        frames: number of frames per revolution; None computes it from the frame rate of the configured radar.
-        root: folder of the store.
-    Raises:
-        UserError: a value cannot be used, or an object does not fit into the room.
+    frames: number of frames per revolution; None computes it from the frame rate of the configured radar. root: folder of the store.
     """
     trajectory = config.trajectory
     if not isinstance(trajectory, TurntableTrajectory):

@@ -29,10 +29,7 @@ LISTED = 4  # materials that `materials_line` names
 
 
 def build_target(config: SceneConfig, contents: str = "filled") -> tuple[Surface, ...]:
-    """Return the target's surfaces, all named TARGET and facing -x towards the radar; empty for scene.target=none.
-
-    contents: for an object of the catalogue, see `Entry.surfaces`.
-    """
+    """Return the target's surfaces, all named TARGET and facing -x towards the radar (`contents`: see `Entry.surfaces`)."""
     size = config.target_size_m
     turned = np.diag([-1.0, -1.0, 1.0, 1.0])
     if config.target == "none":
@@ -67,11 +64,7 @@ def build_room(scene: SceneConfig, materials: MaterialsConfig, seed: int = 0) ->
 
 
 def load_scan(path: Path, materials: MaterialsConfig) -> Scene:
-    """Load a scanned room from a labelled scene folder, or from a mesh file without labels.
-
-    Raises:
-        ConfigError: the configuration has materials=scene, but the scan is a mesh. MissingError, MeshError, SceneError: see `Scene.load`.
-    """
+    """Load a scanned room from a labelled scene folder, or from a mesh file without labels. Raises UserError, see `Scene.load`."""
     if not path.exists() or scene_folder(path) is not None:
         return Scene.load(path)
     if materials.source == "scene":
@@ -83,11 +76,7 @@ def load_scan(path: Path, materials: MaterialsConfig) -> Scene:
 
 
 def add_layout(config: SceneConfig, room: Scene, sensor_pose: np.ndarray) -> Scene:
-    """Place the objects of the configured layout file or sentence in the room. `sensor_pose` (4, 4) is the radar of sentences.
-
-    Raises:
-        MissingError, LayoutError: the layout file is absent, or an object cannot stand where the layout puts it.
-    """
+    """Place the objects of the configured layout file or sentence in the room. Raises UserError if it cannot be read or placed."""
     if not (config.layout or config.sentence):
         return room
     from radartwin.scene.layouts.grammar import parse

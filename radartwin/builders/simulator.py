@@ -33,8 +33,7 @@ MOTION_FAMILIES = {  # feature families of each motion with a known repeatabilit
 def families_of(config: FeaturesConfig, motion: str) -> tuple[str, ...]:
     """Return the feature families that must stay within their limits: those of the configured set, or for features=raw all of the motion.
 
-    Raises:
-        ConfigError: the repeatability of features is unknown for the motion, or the configured feature set belongs to another motion.
+    Raises ConfigError if the limits of the motion are unknown, or if the feature set belongs to another motion.
     """
     if motion not in MOTION_FAMILIES:
         known = "a whole turntable revolution, or trajectory=rail, depth or lateral"
@@ -61,9 +60,7 @@ def choose_simulator(
 ) -> MitsubaSimulator:
     """Choose the cheapest simulator settings that keep the features of a recording within their repeatability limits.
 
-    Args:
-        store: store of earlier search results; None repeats the search.
-        say: function that receives the lines that state the chosen settings and the reasons.
+    store: store of earlier search results; None repeats the search. say: receives lines with the chosen settings and the reasons.
     """
     fixed = config.fixed()
     if store is None:

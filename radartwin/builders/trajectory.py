@@ -56,13 +56,9 @@ def build_start(config: StartTrajectory, room: Scene) -> np.ndarray:
 
 
 def build_course(config: TrajectoryConfig, radar: Radar, room: Scene, place: np.ndarray | None = None) -> Course:
-    """Compute the poses of sensor and target at each frame of the radar.
+    """Compute the poses of sensor and target at each frame of the radar. Raises UserError, also for more than MAX_FRAMES frames.
 
     place: (3,) position of the target in the first frame; None puts it on the boresight at the configured distance.
-
-    Raises:
-        ConfigError: the trajectory has more than MAX_FRAMES frames.
-        MissingError, PoseError: see `read_poses` and `Scene.placed`.
     """
     rate = radar.frame_rate_hz
     if isinstance(config, FileTrajectory):
@@ -90,10 +86,9 @@ def read_poses(config: FileTrajectory) -> Track:
 
 
 def check_course(scene: Scene, radar: Radar, course: Course) -> None:
-    """Raise an error if the sensor leaves the room, the scene without the target, or enters a surface; warn of too high speeds.
+    """Raise PoseError or SceneError for the first frame in which the sensor leaves the scene's room or enters a surface.
 
-    Raises:
-        PoseError, SceneError: the message names the first such frame.
+    Warn of speeds beyond the unambiguous Doppler range.
     """
     room = scene.only("room")
     if len(room):

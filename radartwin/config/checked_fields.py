@@ -32,10 +32,7 @@ def choice(default: str | list[str] | None, *others: str) -> Any:
 
 
 def number(default: Any, fits: Callable[[float], bool], words: str) -> Any:
-    """Define a field for one number or a list of numbers, each of which must satisfy `fits`.
-
-    `words` follows "must be" in the error message.
-    """
+    """Define a field for numbers, each of which must satisfy `fits`. `words` follows "must be" in the error message."""
 
     def check(key: str, value: Any) -> None:
         for entry in value if isinstance(value, list) else [value]:
@@ -75,10 +72,7 @@ def triple(content: str) -> Any:
 
 
 def url(remedy: str) -> Any:
-    """Define a field for a URL, null by default.
-
-    A URL with a password raises an error that states `remedy`, because the configuration is stored with results.
-    """
+    """Define a field for a URL, null by default. A URL with a password raises an error that states `remedy`."""
 
     def check(key: str, value: str) -> None:
         if re.match(r"[\w+.-]+://[^/?#]*@", value):

@@ -153,7 +153,7 @@ def quoted(overrides: Sequence[str]) -> list[str]:
 
 
 def refuse_unread(verb: str, overrides: Sequence[str], reads: Sequence[str], set_by: Mapping[str, str] | None = None) -> list[str]:
-    """Return the keys of overrides. Raise ConfigError for a key of a group that the verb does not read (`compose` refuses unknown groups).
+    """Return the keys of overrides. Raise ConfigError for a key of a group that the verb does not read.
 
     set_by: {key: argument} of keys that the verb sets from another argument.
     """

@@ -11,11 +11,7 @@ from radartwin.errors import ConfigError
 
 @dataclass
 class RadarConfig(Checked):
-    """Fields of `radartwin.Radar`, or the radar description file with their values. A null field takes its value from the board or the
-    file.
-
-    Antenna positions are in metres, with x forward, y left and z up.
-    """
+    """Fields of `radartwin.Radar`, or the radar description file with their values. A null field takes the value of the board or file."""
 
     KEY = "radar"
     name: str = "iwr1843"

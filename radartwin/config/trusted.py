@@ -27,12 +27,7 @@ class JoblibLauncher:
 
 
 def check_hydra(config: Any, default: Any) -> None:
-    """Raise ConfigError for a setting of Hydra that has no effect here, or that would make Hydra call code.
-
-    Args:
-        config: the composed configuration, including Hydra's own settings under the key `hydra`.
-        default: the configuration of no overrides.
-    """
+    """Raise ConfigError for a setting of Hydra that has no effect here, or would make it call code. `default` has no overrides."""
     choice = config.hydra.runtime.choices["hydra/launcher"]
     if choice not in LAUNCHERS:
         raise ConfigError(f"hydra/launcher={choice} is refused; options: {', '.join(LAUNCHERS)}")
@@ -47,10 +42,7 @@ def check_hydra(config: Any, default: Any) -> None:
 
 
 def check_secrets(config: Any) -> None:
-    """Raise ConfigError if a composed configuration contains a secret from an environment variable.
-
-    The message does not show the secret.
-    """
+    """Raise ConfigError, without the secret, if a composed configuration contains a secret from an environment variable."""
     for path, value in _leaves(_content(config, resolve=True)):
         if isinstance(value, str) and secret.hidden(value) != value:
             raise ConfigError(

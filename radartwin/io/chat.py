@@ -83,7 +83,6 @@ class Endpoint:
         """Send the messages to the language model and return the text of the model's answer.
 
         Args:
-            messages: dictionaries with the keys "role" and "content", as in the OpenAI API.
             schema: JSON schema of the model's answer, sent in the field response_format. The caller must check the answer.
             client: HTTP client from `client()` that several requests share; None creates a new client for this request.
         Raises:

@@ -66,25 +66,17 @@ def write_atomically(path: Path, content: bytes | str) -> Path:
 
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[IO[bytes]]:
-    """Yield a stream whose content replaces the file when the `with` block ends without an exception.
-
-    Raises:
-        OutputError: the folder cannot be created or written. No temporary file remains, and an existing file keeps its content.
-    """
+    """Yield a stream whose content replaces the file when the `with` block ends without an exception. Raises OutputError."""
     with replacing_together([path]) as temporary, temporary[path].open("xb") as stream:
         yield stream
 
 
 @contextlib.contextmanager
 def replacing_together(paths: Sequence[Path]) -> Iterator[dict[Path, Path]]:
-    """Yield a temporary path for each of the files of one folder, by final path. The caller writes all files under their temporary paths.
+    """Yield temporary paths, by final path, for the files of one folder, which the caller writes all.
 
-    When the `with` block ends without an exception, the function forces the files to the disk and renames them in the given order, while
-    other processes that replace the same files wait. Of several files, the last describes the others, so the function first deletes an
-    existing last file. Therefore, after a kill at any moment, an existing last file belongs to the other files.
-
-    Raises:
-        OutputError: the folder cannot be created or written. No temporary file remains.
+    After the `with` block, the files are forced to the disk and renamed in the given order, while other processes that replace them wait.
+    The last file describes the others. It is deleted first, so that after a kill an existing last file belongs to the others.
     """
     make_folder(paths[0].parent)
     temporary = {path: unfinished(path) for path in paths}
@@ -256,10 +248,7 @@ def _acquired(path: Path, blocking: bool = True) -> BaseFileLock | None:
 
 
 def sweep(folder: Path) -> None:
-    """Remove the temporary files and folders (see `unfinished`) of this machine's processes that no longer exist.
-
-    Machines that share the folder cannot see each other's processes, so files of other machines stay.
-    """
+    """Remove the unfinished files and folders of this machine's dead processes. Processes of other machines cannot be seen."""
     for path in sorted(folder.glob(f".*{TEMPORARY}")):
         if match := _UNFINISHED.fullmatch(path.name):
             host, process = match.groups()

@@ -30,14 +30,12 @@ _busy: Any = None  # in a worker, the number of workers of its pool that compute
 
 
 class ProcessPool:
-    """Run calls in up to `size` worker processes, which the pool starts when it needs them.
-
-    If a worker dies, the pool cannot be used any more: unfinished calls and the next `submit` raise BrokenProcessPool.
+    """Run calls in up to `size` worker processes. If one dies, unfinished calls and the next `submit` raise BrokenProcessPool.
 
     Args:
         prepare: function that each worker calls when it starts.
-        import_main: whether workers import the script that the user started. Use False if the script may lack `if __name__ == "__main__"`.
-        beside: number of pools that compute at the same time. The workers of all these pools share the processor cores.
+        import_main: whether workers import the script of the user, which must then have `if __name__ == "__main__"`.
+        beside: number of pools that compute at the same time and share the processor cores.
         nested: whether calls may start worker processes of their own.
     """
 

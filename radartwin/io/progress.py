@@ -18,12 +18,7 @@ PLAIN_INTERVAL_S = 5.0
 
 
 class Progress:
-    """Print the progress of long work.
-
-    Args:
-        quiet: True switches the output off, for tests and use as a library.
-        label: name of the job at the beginning of each line, because several jobs may print to one terminal.
-    """
+    """Print the progress of long work, unless `quiet`. Each line begins with `label`, because several jobs may share a terminal."""
 
     def __init__(self, quiet: bool = False, label: str = "") -> None:
         self._quiet, self._label = quiet, f"{label}: " if label else ""

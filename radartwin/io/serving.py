@@ -40,11 +40,7 @@ def ignore_signals() -> None:
 
 
 def free_port(port: int | None, usual: int) -> int:
-    """Return `port`, or `usual` if `port` is None, or a free port if `usual` is taken or `port` is 0.
-
-    Raises:
-        BackendError: the port that the user gave is taken.
-    """
+    """Return `port`, or `usual` for None, or a free port if that is taken or 0. Raises BackendError if the given port is taken."""
     if port and not _bindable(port):
         raise BackendError(f"port {port} is taken; leave --port out and a free one is found")
     return port or (_bindable(usual) if port is None else 0) or _bindable(0)

@@ -31,12 +31,7 @@ STYLE = (
 
 
 class Controls:
-    """Add the panel to a viser server.
-
-    Args:
-        actions: the `Page`, whose functions the panel calls. playback: recording to play back, or None.
-        farthest_m: largest range that profile and map show, metres.
-    """
+    """Add the panel to a viser server. `actions` is the `Page`, whose functions the panel calls."""
 
     def __init__(self, server: Any, actions: Any, playback: Playback | None, farthest_m: float) -> None:
         from viser import uplot

@@ -71,8 +71,7 @@ def spectra(iq: np.ndarray, radar: Radar) -> Spectra:
 def path_at(paths: Sequence[LivePath], eye: np.ndarray, direction: np.ndarray) -> int | None:
     """Return the number of the path nearest to a view ray (of several together the strongest), or None beyond CLICK_RAD.
 
-    Args:
-        paths: strongest first. eye: origin (3,) of the ray. direction: unit vector (3,) of the ray.
+    paths: strongest first. eye: origin (3,) of the ray. direction: unit vector (3,) of the ray.
     """
     share = np.linspace(0, 1, LEG_POINTS)[:, None, None]
     angles = []
@@ -86,10 +85,9 @@ def path_at(paths: Sequence[LivePath], eye: np.ndarray, direction: np.ndarray) -
 
 
 def strongest_paths(traced: Traced, radar: Radar, sensor_pose: np.ndarray) -> list[LivePath]:
-    """Return the SHOWN_PATHS strongest paths of the room and of the objects, strongest first. Diffuse paths and shadows are left out.
+    """Return the SHOWN_PATHS strongest paths, strongest first, without diffuse paths and shadows.
 
-    Paths of the room are listed separately, but a path and its reverse, which have equal lengths, levels and corners, are listed once. The
-    paths of an object with equal bounces and nearly equal ranges are summed.
+    A path of the room and its reverse are listed once. Paths of an object with equal bounces and nearly equal ranges are summed.
     """
     paths = [path for part in traced.static for path in _room_paths(part, radar, sensor_pose)]
     for names, parts in traced.groups.items():
@@ -163,8 +161,7 @@ def _middle(part: Paths) -> int:
 def _corners(part: Paths, n: np.integer | int, pose: np.ndarray) -> tuple[np.ndarray, bool]:
     """Return the corners (V, 3) of a path without stored points, and whether corners in the middle are missing.
 
-    The last corner is known. For two bounces, the length of the path gives the first corner, which lies at the distance s along the
-    departure direction d with |last - s d| + s = length_in. For more bounces, only the last corner is returned.
+    Of two bounces, the first is at the distance s along the departure d with |last - s d| + s = length_in. Of more, only the last is known.
     """
     departure, arrival = pose[:3, :3] @ part.departure[n], pose[:3, :3] @ part.arrival[n]
     last, length_in = part.length_out_m[n] * arrival, float(part.length_in_m[n])

@@ -30,7 +30,6 @@ class Page:
         start: sensor-to-world pose (4, 4) of the radar at the start.
         tracer: tracer of the same scene, which gets the objects that the user adds.
         request: function that receives each new setting.
-        playback: recording to play back, or None.
     """
 
     def __init__(

@@ -32,10 +32,7 @@ def serve(scene: Scene, radar: Radar, start: np.ndarray, port: int | None = None
     Args:
         start: sensor-to-world pose (4, 4) of the radar at the start.
         port: port on the loopback address; None means 8080, or another free port if 8080 is taken.
-        playback: recording to play back beside the simulation.
-    Raises:
-        BackendError: viser is not installed or cannot refuse pages of other addresses, or the port that the user gave is taken.
-        SceneError: the scene has no surfaces.
+    Raises BackendError if viser is absent or cannot be secured or the port is taken, and SceneError for an empty scene.
     """
     with contextlib.suppress(KeyboardInterrupt), running(scene, radar, start, port, playback) as live:
         try:

@@ -17,12 +17,7 @@ NICENESS = 4  # by which the search gives way to the drafts; with 10, other prog
 
 
 class Session:
-    """Compute answers in threads.
-
-    Args:
-        answered: function that receives each answer. failed: function that receives the message of a setting that cannot be simulated.
-        crashed: function that receives an exception that is a defect of the program; the thread ends after it.
-    """
+    """Compute answers in threads, and give them, messages of settings that cannot be simulated, and defects to three functions."""
 
     def __init__(
         self,

@@ -29,12 +29,7 @@ AMBIENT, SUN = 2.2, 1.3  # intensities of light; pi would show the colour of a m
 
 
 class Stage:
-    """Draw into a viser server.
-
-    Args:
-        moved: function that receives the name of the radar or of an object after the user has dragged it.
-        clicked: function that receives the origin (3,) and the direction (3,) of the view ray of a click.
-    """
+    """Draw into a viser server. `moved` gets the name of what the user has dragged, `clicked` origin and direction of a click's ray."""
 
     def __init__(self, server: Any, moved: Callable[[str], object], clicked: Callable[[np.ndarray, np.ndarray], object]) -> None:
         self._server, self._moved = server, moved

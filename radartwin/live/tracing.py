@@ -100,13 +100,7 @@ class LiveTracer:
         return sequences.where(np.sort(np.argsort(-levels, kind="stable")[:DRAFT_SEQUENCES]))
 
     def answer(self, setting: LiveSetting, complete: bool = False) -> LiveAnswer:
-        """Compute the radar's answer. In a room of flat faces, a draft that needs no search is complete.
-
-        Args:
-            complete: whether to search first, if the answer needs it (`needs_search`).
-        Raises:
-            PoseError, SceneError: see `check`.
-        """
+        """Compute the radar's answer, after a search if `complete` and if it needs one. Raises PoseError or SceneError, see `check`."""
         start = time.perf_counter()
         self.check(setting)
         if complete and self.needs_search(setting):

@@ -1,7 +1,6 @@
-"""Define the style of every figure: print sizes in inches, and the Okabe-Ito palette, whose colours colour-blind readers can distinguish.
+"""Define the style of every figure: print sizes in inches, and the Okabe-Ito palette for colour-blind readers.
 
-Ref: M. Okabe, K. Ito, Color Universal Design (2008), https://jfly.uni-koeln.de/color/. The figures need no display and do not change the
-global state of pyplot. The function `figure` creates a figure, and `save` writes it as PNG and PDF.
+Ref: M. Okabe, K. Ito, Color Universal Design (2008), https://jfly.uni-koeln.de/color/. The figures need no display and no pyplot.
 """
 
 from __future__ import annotations
@@ -83,11 +82,7 @@ def fewer_colours(png: bytes, colours: int) -> bytes:
 
 
 def save(drawing: Callable[[], Figure] | Figure | Path, stem: Path) -> list[Path]:
-    """Write a figure as `stem`.png and .pdf, each atomically, and return the two paths.
-
-    Args:
-        drawing: a figure, a function that draws a figure, or the common path without suffix of existing figure files.
-    """
+    """Write a figure, what draws it, or copies of existing figure files, as `stem`.png and .pdf, and return the two paths."""
     import matplotlib
 
     paths = [stem.with_name(stem.name + suffix) for suffix in SUFFIXES]

@@ -25,12 +25,7 @@ ENDS_WITHIN_S = 5
 def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> int:
     """Start MLflow's server, wait until it ends or a signal arrives, and return its exit status, or 0 after a signal.
 
-    port: None means 5000, or another free port if 5000 is taken.
-
-    Raises:
-        ConfigError: tracking is switched off, or uses another MLflow server.
-        MissingError: the output folder has no database of runs.
-        BackendError: the port given by the user is taken.
+    port: None means 5000, or another free port if 5000 is taken. Raises UserError without runs to show or with a taken port.
     """
     tracker = Tracker(config, output)
     if tracker.off:

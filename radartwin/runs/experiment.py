@@ -73,11 +73,7 @@ def module_name(experiment: ExperimentConfig) -> str:
 
 
 def load(experiment: ExperimentConfig) -> ModuleType:
-    """Import and return the module of the configured experiment.
-
-    Raises:
-        ConfigError: the module is absent, has no function `run`, or belongs to this project and does not read a configured option.
-    """
+    """Import and return the module of the experiment. Raises ConfigError if it is no experiment or does not read a configured option."""
     name = module_name(experiment)
     checkout.add_to_path()
     top = name.partition(".")[0]

@@ -18,11 +18,7 @@ Ended = Callable[[Job, Outcome], None]
 
 
 def launcher(option: str, settings: Mapping[str, Any]) -> Callable[[Sequence[Job], Ended], None]:
-    """Return the function of hydra/launcher=OPTION that runs jobs, and calls its second argument for each job as soon as it has ended.
-
-    Raises:
-        ConfigError: `n_jobs` of the launcher joblib is 0.
-    """
+    """Return the function that runs jobs for hydra/launcher=OPTION and calls its second argument for each ended job."""
     if option == "slurm":
         return partial(run_on_slurm, settings)
     if option != "joblib":

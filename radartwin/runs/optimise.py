@@ -43,11 +43,9 @@ class SearchGoal:
 
 
 def search(overrides: Sequence[str], config_dirs: Sequence[Path], goal: SearchGoal) -> int:
-    """Run trials until the search has the requested number of trials, and print the best trial. Return the exit status.
+    """Run trials until the search has the requested number of trials, print the best trial, and return the exit status.
 
-    Raises:
-        ConfigError: no override is an interval or a list of values, or the experiment has no metric of this name.
-        BackendError: Optuna is not installed, or its database cannot be used.
+    Raises ConfigError without a search space or metric of this name, and BackendError without Optuna or its database.
     """
     extend_path(config_dirs)
     settings, _ = split(overrides)
@@ -73,13 +71,9 @@ def search(overrides: Sequence[str], config_dirs: Sequence[Path], goal: SearchGo
 
 
 def space(overrides: Sequence[str]) -> tuple[list[str], dict[str, BaseDistribution]]:
-    """Split overrides into fixed overrides and the search distribution of each setting.
+    """Split overrides into fixed overrides and the search distribution of each setting. Raises ConfigError.
 
-    interval(a,b) is a continuous range; tag(log,interval(a,b)) is a continuous range on a logarithmic scale; range(a,b,step) and a,b,c are
-    lists of values.
-
-    Raises:
-        ConfigError: an override cannot be parsed, or an interval is empty.
+    interval(a,b) is a continuous range, tag(log,interval(a,b)) a logarithmic one; range(a,b,step) and a,b,c are lists of values.
     """
     optuna = _optuna()
     fixed, searched = [], {}

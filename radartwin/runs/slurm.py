@@ -26,11 +26,7 @@ WAITING = ("PENDING", "RUNNING", "COMPLETING", "CONFIGURING", "REQUEUED", "SUSPE
 def run_on_slurm(settings: Mapping[str, Any], jobs: Sequence[Job], ended: Callable[[Job, Outcome], None]) -> None:
     """Submit the jobs as one SLURM job array, and call `ended` for each job as soon as it has ended.
 
-    Args:
-        settings: keys below hydra.launcher (conf/hydra/launcher/slurm.yaml).
-    Raises:
-        BackendError: SLURM is not installed here, or refuses the submission.
-        ConfigError: RADARTWIN_SLURM_POLL is not a number of seconds above zero.
+    settings: keys below hydra.launcher (conf/hydra/launcher/slurm.yaml). Raises BackendError or ConfigError.
     """
     from hydra_plugins.hydra_submitit_launcher.config import BaseQueueConf
     from submitit import AutoExecutor

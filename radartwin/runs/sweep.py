@@ -75,21 +75,21 @@ def sweeping(first: Config, overrides: Sequence[str], command: Sequence[str], co
         described |= {"dirty": dirty, "started": time.strftime("%Y-%m-%dT%H:%M:%S%z")}
         files.write_atomically(folder / DESCRIPTION, json.dumps(described, indent=1) + "\n")
         running = Sweep(folder, table, output.absolute() / CACHE / RUN, launch, tracker.sweep(table, title or table, key))
-        status, ended = "FAILED", False
+        status = None
         try:
             yield running
-            status, ended = "FINISHED" if all(outcome.finished for outcome in running.outcomes.values()) else "FAILED", True
+            status = "FINISHED" if all(outcome.finished for outcome in running.outcomes.values()) else "FAILED"
         except KeyboardInterrupt:
             status = "KILLED"
             raise
         finally:
             running.collect()
-            if not ended:
+            if status in (None, "KILLED"):
                 print(running.totals())
             try:
                 files.write_atomically(folder / TABLE, running.table())
             finally:
-                tracker.end_sweep(running.parent, status, folder / TABLE if (folder / TABLE).exists() else None)
+                tracker.end_sweep(running.parent, status or "FAILED", folder / TABLE if (folder / TABLE).exists() else None)
 
 
 @dataclass

@@ -48,9 +48,9 @@ def reused() -> Iterator[None]:
 
 
 def each(function: Callable[..., Any], items: Sequence[tuple[Any, ...]], jobs: int, done: Callable[[], None] = lambda: None) -> list[Any]:
-    """Return [function(*item) for item in items], computed by worker processes if there are enough items.
+    """Return [function(*item) for item in items], computed by worker processes if there are enough items (see `run`).
 
-    `run` describes the function and the errors, and `worker_count` describes `jobs`. `done` is called after each finished item.
+    `done` is called after each finished item.
     """
     count = worker_count(jobs, len(items))
     by_number: dict[int, Any] = {}
@@ -79,10 +79,9 @@ def run(
     count: int,
     fresh: bool = False,
 ) -> None:
-    """Call a function repeatedly in `count` worker processes until `next_call` returns None for every worker.
+    """Call a function of a module, with pickled arguments, in `count` worker processes until `next_call` returns None for all.
 
     Args:
-        function: a function defined in a module; its arguments and its result can be pickled.
         next_call: gets a worker's number (0 to count - 1) and returns the arguments of its next call, or None for no further call.
         on_result: is called with each returned value, in the order in which the calls finish.
         fresh: True starts new workers, for measurements of run time, because earlier work in a worker makes later work faster.

@@ -56,10 +56,7 @@ class Product:
 
 @dataclass
 class Counts:
-    """Record which stored results, as pairs (kind, key), were computed (built) and which were found in the store (stored).
-
-    A result that is first computed and then found in the store counts as computed.
-    """
+    """Record the pairs (kind, key) of results that were computed (built), and found (stored) without being computed before."""
 
     built: set[tuple[str, str]] = field(default_factory=set)
     stored: set[tuple[str, str]] = field(default_factory=set)
@@ -111,14 +108,9 @@ def count(more: Counts) -> None:
 
 
 class Store:
-    """Store computed results in the cache folder of an output folder. Any number of processes may share the folder.
+    """Store computed results in the cache folder of an output folder, which any number of processes may share.
 
-    Args:
-        root: folder of the cache, usually output/cache. The store creates the folder and removes the unfinished results of killed
-            processes.
-        say: function that receives a message when another process is computing a needed result, and when a stored result is damaged.
-    Raises:
-        OutputError: the cache folder cannot be written.
+    Unfinished results of killed processes are removed. `say` receives a message about waiting and about a damaged result.
     """
 
     def __init__(self, root: Path, say: Callable[[str], None] = lambda line: None) -> None:
@@ -135,16 +127,13 @@ class Store:
         return spec_digest({"kind": kind, "spec": spec, "source": source_digest(entries)})[:KEY_LENGTH]
 
     def fetch(self, kind: str, spec: Mapping[str, Any], entries: Iterable[str], build: Callable[[Path], object]) -> Product:
-        """Return the stored result that belongs to the specification `spec`. If the store does not hold the result, compute it first.
+        """Return the stored result that belongs to the specification `spec`, computed first if the store does not hold it.
 
         Args:
-            kind: subfolder of the cache, such as "recording". If the result is computed, `Counts` counts it as scored for the kind "run",
-                and as simulated for every other kind.
+            kind: subfolder of the cache, such as "recording".
             spec: plain values, arrays and dataclasses that together determine the content of the result.
-            entries: modules or packages where the computation starts. The key depends on the source code of the packages of these modules,
-                and of all packages that they import.
-            build: function that writes the files of the result into an empty folder. If `build` returns a mapping, the store writes it to
-                meta.json under the key "told". If `build` raises an exception, the store removes the folder.
+            entries: modules or packages where the computation starts; the key depends on the source code of all packages that they import.
+            build: function that writes the files of the result into an empty folder; a mapping that it returns becomes `told` of meta.json.
         Raises:
             OutputError: the disk of the store is full or read-only.
         """

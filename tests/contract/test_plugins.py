@@ -54,7 +54,7 @@ def clear() -> None:
             stored.pop(f"{name}.yaml", None)
     for name in [module for module in sys.modules if module.partition(".")[0] in ("radartwin_example", "other_package")]:
         del sys.modules[name]
-    plugins._loaded.cache_clear()
+    plugins.load.cache_clear()
     plugins._installed.cache_clear()
     plugged._schema.cache_clear()
     source_files._tops.difference_update({"radartwin_example", "other_package"})
