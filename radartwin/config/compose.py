@@ -70,7 +70,11 @@ class Composer:
                 if override.is_sweep_override():
                     raise ConfigError(messages.several_values(override.key_or_group))
                 OmegaConf.update(composed, override.key_or_group, override.value())
-            return typed(composed)
+            check_secrets(composed)
+            config = OmegaConf.to_object(composed)
+        if not isinstance(config, Config):
+            raise ConfigError("config.yaml: the list 'defaults' does not begin with 'schema'; add schema as its first entry")
+        return config
 
     def launching(self, overrides: Sequence[str]) -> tuple[str, dict[str, Any], str]:
         """Return the option of hydra/launcher, its keys, and hydra.sweep.dir, which is empty unless the user sets it."""
@@ -133,23 +137,14 @@ def combinations(overrides: Sequence[str]) -> list[list[str]]:
     return [list(job) for job in itertools.product(*choices.values())]
 
 
-def typed(composed: DictConfig) -> Config:
-    """Convert a composed configuration to dataclasses and check its values. Raises ConfigError for a wrong value."""
-    from omegaconf import OmegaConf
-
-    _refuse_added_keys(composed)
-    with _one_line_errors():
-        check_secrets(composed)
-        config = OmegaConf.to_object(composed)
-    if not isinstance(config, Config):
-        raise ConfigError("config.yaml: the list 'defaults' does not begin with 'schema'; add schema as its first entry")
-    return config
-
-
 def quoted(overrides: Sequence[str]) -> list[str]:
-    """Quote option names that Hydra would read as a boolean, a number or null, such as `true` in materials=true."""
+    """Quote option names that Hydra would read as a boolean, a number or null, such as `true` in materials=true.
+
+    Hydra would add a key with `+key=value`, but no code would read it. Without the plus sign, Hydra refuses an unknown key.
+    """
     literal, known = re.compile(r"(?<=[=,])(true|false|null|[\d.]+)(?=,|$)", re.IGNORECASE), groups()
-    return [literal.sub(r"'\1'", override) if override.lstrip("+").partition("=")[0] in known else override for override in overrides]
+    plain = [re.sub(r"^\++(?!hydra)", "", override) for override in overrides]
+    return [literal.sub(r"'\1'", override) if override.partition("=")[0] in known else override for override in plain]
 
 
 def refuse_unread(verb: str, overrides: Sequence[str], reads: Sequence[str], set_by: Mapping[str, str] | None = None) -> list[str]:
@@ -223,19 +218,3 @@ def _one_line_errors() -> Iterator[None]:
         yield
     except (HydraException, OmegaConfBaseException) as error:
         raise ConfigError(messages.explain(error)) from error
-
-
-def _refuse_added_keys(node: DictConfig, path: str = "") -> None:
-    """Raise ConfigError for keys that no dataclass has. Hydra lets the override `+key=value` add such keys, but no code reads them."""
-    from omegaconf import DictConfig, OmegaConf
-
-    owner = OmegaConf.get_type(node)
-    if not dataclasses.is_dataclass(owner):
-        return
-    known = {f.name for f in dataclasses.fields(owner)}
-    for key in node:
-        full_key = f"{path}{key}"
-        if key not in known:
-            raise ConfigError(messages.unknown_key(full_key, owner))
-        if not OmegaConf.is_missing(node, key) and isinstance(child := node._get_node(key), DictConfig):
-            _refuse_added_keys(child, f"{full_key}.")

@@ -18,9 +18,8 @@ def map_picture(spectra: Spectra, farthest_m: float) -> np.ndarray:
     """Draw the map of one frame up to a radius in metres as RGB (H, W, 3), uint8: seen from above, the boresight upwards."""
     frame, rows, columns, range_bin, azimuth_bin = _frame(farthest_m, spectra.range_m.tobytes(), spectra.azimuth_rad.tobytes())
     low, high = map_limits(spectra, farthest_m)
-    levels = spectra.map_db[azimuth_bin, range_bin]
     picture = frame.copy()
-    picture[rows, columns] = _colours()[np.clip((levels - low) / (high - low) * 255, 0, 255).astype(np.uint8)]
+    picture[rows, columns] = level_colours(spectra.map_db[azimuth_bin, range_bin], low, high)
     return picture
 
 
@@ -31,15 +30,9 @@ def map_limits(spectra: Spectra, farthest_m: float) -> tuple[float, float]:
 
 def level_colours(levels_db: np.ndarray, low_db: float, high_db: float) -> np.ndarray:
     """Return the RGB colours (N, 3) uint8 of levels (N,) on the scale of the map."""
-    share = (np.asarray(levels_db) - low_db) / (high_db - low_db)
-    return _colours()[np.clip(share * 255, 0, 255).astype(np.uint8)]
-
-
-@lru_cache(maxsize=1)
-def _colours() -> np.ndarray:
     from matplotlib import colormaps
 
-    return np.round(255 * colormaps["viridis"](np.linspace(0, 1, 256))[:, :3]).astype(np.uint8)
+    return colormaps["viridis"]((levels_db - low_db) / (high_db - low_db), bytes=True)[..., :3]
 
 
 @lru_cache(maxsize=4)
