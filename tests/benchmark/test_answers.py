@@ -56,7 +56,7 @@ def test_a_changed_file_is_refused_by_its_checksum(byte: int, tmp_path: Path) ->
     with pytest.raises(InputError, match=r"near\.npz has the SHA-256 checksum .*install radartwin again"):
         frozen_problems.problem("near", folder)
     (folder / "near.npz").unlink()
-    with pytest.raises(MissingError, match="near.npz: no such file, but answers.json"):
+    with pytest.raises(MissingError, match=r"near\.npz: no such file, but answers\.json"):
         frozen_problems.problem("near", folder)
 
 
