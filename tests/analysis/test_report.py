@@ -128,16 +128,6 @@ def test_index_counts_verdicts_by_table(read: Read) -> None:
     assert f"{len(rows)} rows: " + ", ".join(f"{count[word]} {word}" for word in words) in read.said["environment"]
 
 
-def test_page_says_once_what_the_testbed_is_and_shows_two_sentences_of_a_caption(written: Path, read: Read) -> None:
-    text = (written / "report" / "index.html").read_text(encoding="utf-8")
-    assert text.count("the testbed is not reality") == 1
-    assert registry.TESTBED_NOTE not in text
-    short, rest = Section(registry.table("environment"), written, "quick", reported.KEY).caption
-    assert (short.count("."), f"{short} {rest}") == (2, registry.table("environment").caption)
-    assert short in text
-    assert rest in read.said["environment"]
-
-
 def test_answer_follows_from_the_headline() -> None:
     with (ROOT / "docs" / "results" / "headline.csv").open(encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))

@@ -40,13 +40,6 @@ def test_csv_has_case_keys_and_score_in_full_precision() -> None:
     assert absent["value"] == ""
 
 
-def test_markdown_lines_have_one_cell_per_column_and_a_dash_for_an_absent_value() -> None:
-    lines = [line for line in tables.to_markdown(TABLE, [row(), UNTESTABLE]).splitlines() if line.startswith("|")]
-    assert len(lines) == 4
-    assert {line.replace("\\|", "").count("|") for line in lines} == {len(SCORE) + 2}
-    assert "| – |" in lines[-1]
-
-
 def test_html_begins_with_claim_verdict_value_paper_and_why_and_folds_other_columns() -> None:
     judged = row(claim="rooms & halls help", bound=0.1, null=0.0, direction="above", distance_m=2.5, seed=0)
     text = tables.to_html(

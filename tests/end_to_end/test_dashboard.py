@@ -1,6 +1,6 @@
 """`radartwin dashboard` serves MLflow's web pages of our runs on the loopback interface, and ends with all its processes.
 
-Two slow tests open the pages in a real browser and write screenshots to outputs/screenshots of the checkout.
+A slow test opens the pages in a real browser and writes screenshots to outputs/screenshots of the checkout.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 import browser
-import numpy as np
 import own_experiment
 import pytest
 from processes import descendants, listening
@@ -28,7 +27,6 @@ from processes import descendants, listening
 from radartwin.config.study import TrackingConfig
 from radartwin.errors import BackendError
 from radartwin.io.serving import HOST
-from radartwin.plotting import style
 from radartwin.runs.dashboard import USUAL_PORT, dashboard
 from radartwin.runs.tracking import Tracker
 
@@ -121,42 +119,6 @@ def test_other_signals_end_the_server_too(tmp_path: Path, number: signal.Signals
         assert_ends(command, number, int(address.rpartition(":")[2]))
 
 
-def record(tracker: Tracker, number: int, artifacts: Path, table: str = "environment") -> str:
-    """Track a run in the same way as the runner, with parameters, metrics, a table, input data and pictures."""
-    source = MATERIALS[number % len(MATERIALS)]
-    params = {"profile": "quick", "materials": source, "seed": str(number)}
-    with tracker.run(table, f"{number:032x}", f"{source}, seed {number}", params, "Does the room matter?") as run:
-        run.metrics = {"correlation_2m": 0.1 * (number % 10), "correlation_1m": 0.5, "samples": 3.0, "angle": 1.0}
-        run.artifacts = [artifacts, artifacts.with_name("table.csv")]
-        run.inputs = {"campaign": [f"{number % 3:032x}"]}
-    return run.run_id
-
-
-@pytest.fixture(scope="module")
-def figures(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder that contains a few figures, with a table beside it."""
-    folder = tmp_path_factory.mktemp("product") / "figures"
-    figure, axes = style.figure()
-    axes.plot(np.linspace(0, 1, 50), np.linspace(0, 1, 50) ** 2)
-    style.save(figure, folder / "curve")
-    folder.with_name("table.csv").write_text("distance_m,metric,value,verdict\n2.0,correlation,0.1,holds\n")
-    return folder
-
-
-@pytest.fixture(scope="module")
-def sweep(tmp_path_factory: pytest.TempPathFactory, figures: Path) -> tuple[Path, str, list[str]]:
-    """Return an output folder with a sweep of three runs, the id of the sweep's parent run, and the ids of the three runs."""
-    output = tmp_path_factory.mktemp("output")
-    tracker = Tracker(TrackingConfig(), output)
-    parent = tracker.sweep("environment", f"materials={','.join(MATERIALS)}", "1" * 32)
-    assert parent is not None
-    table = figures.parent / "jobs.csv"
-    table.write_text("job,status\nmaterials=void,done\n")
-    runs = [record(Tracker(TrackingConfig(parent_run_id=parent), output), number, figures) for number in range(3)]
-    tracker.end_sweep(parent, "FINISHED", table)
-    return output, parent, runs
-
-
 def visit(page: browser.Page, url: str, *words: str, seconds: float = 150) -> None:
     """Load a page and wait until it shows all the words."""
     page.call("Emulation.setDeviceMetricsOverride", width=1500, height=950, deviceScaleFactor=1, mobile=False)
@@ -170,9 +132,16 @@ def _shows(words: Sequence[str]) -> str:
 
 
 @pytest.mark.slow
-def test_the_start_page_opens_the_runs_of_a_sweep_in_a_new_browser(chromium, sweep) -> None:
-    output, _, _ = sweep
-    with serving(output) as (address, _):
+def test_the_start_page_opens_the_runs_of_a_sweep_in_a_new_browser(chromium, tmp_path: Path) -> None:
+    tracker = Tracker(TrackingConfig(), tmp_path)
+    parent = tracker.sweep("environment", f"materials={','.join(MATERIALS)}", "1" * 32)
+    for number, source in enumerate(MATERIALS):
+        params = {"profile": "quick", "materials": source, "seed": str(number)}
+        job = Tracker(TrackingConfig(parent_run_id=parent), tmp_path)
+        with job.run("environment", f"{number:032x}", f"{source}, seed {number}", params, "Does the room matter?") as run:
+            run.metrics = {"correlation_2m": 0.1 * number, "correlation_1m": 0.5, "samples": 3.0, "angle": 1.0}
+    tracker.end_sweep(parent, "FINISHED")
+    with serving(tmp_path) as (address, _):
         page = chromium()
         visit(page, f"{address}/start", "environment", "Does the room matter?", "materials, seed, correlation_2m, correlation_1m, samples")
         page.screenshot("start")
@@ -186,32 +155,6 @@ def test_the_start_page_opens_the_runs_of_a_sweep_in_a_new_browser(chromium, swe
             assert (f"\n{column}\n" in text) is shown, column
         assert page.run("document.querySelector('[data-assistant-ui] textarea') === null"), "the assistant is closed"
         assert page.run("localStorage.getItem('mlflow.workflowType_v1')") == '"machine_learning"'
-
-
-@pytest.mark.slow
-def test_pages_show_experiments_a_run_with_its_picture_and_the_jobs_of_a_sweep(chromium, sweep) -> None:
-    output, parent, runs = sweep
-    with serving(output) as (address, _):
-        page, number = chromium(), experiment_id(address)
-        visit(page, f"{address}/#/experiments", "environment")
-        page.screenshot("experiments")
-        visit(page, f"{address}/#/experiments/{number}/runs", "4 matching runs", f"materials={','.join(MATERIALS)}")
-        page.screenshot("runs")
-        visit(page, f"{address}/#/experiments/{number}/runs/{runs[1]}", "correlation_2m", "materials", "run_key")
-        page.screenshot("run")
-        visit(page, f"{address}/#/experiments/{number}/runs/{runs[1]}/artifacts/figures/curve.png", "curve.png")
-        page.until("[...document.images].some(i => i.complete && i.naturalWidth > 200 && !i.src.startsWith('data:image/svg'))", 60)
-        page.settle()
-        shown = page.screenshot("run-picture")
-        assert len(np.unique(shown.reshape(-1, 3), axis=0)) > 200, "the picture's lines and texts have many shades"
-        visit(page, f"{address}/#/experiments/{number}/runs/{runs[1]}/artifacts/table.csv", "verdict", "holds")
-        page.screenshot("run-table")
-        visit(page, f"{address}/#/experiments/{number}/runs/{parent}", "Compare its 3 latest jobs")
-        page.screenshot("sweep")
-        link = page.run("[...document.links].find(link => link.innerText.startsWith('Compare its')).href")
-        visit(page, link, "Comparing 3 Runs", "correlation_2m")
-        page.until("document.querySelector('.js-plotly-plot svg') !== null", 150)
-        page.screenshot("comparison")
 
 
 @pytest.mark.slow

@@ -20,10 +20,8 @@ from processes import descendants, listening, runs, wait_until
 import radartwin as rt
 from radartwin.builders.scene import build_target
 from radartwin.config.scene import RoomScene
-from radartwin.live.playback import Playback
 from radartwin.live.serve import Live, running
 from radartwin.live.tracing import LiveAnswer
-from radartwin.radar.recording import Recording
 from radartwin.scene import objects, rooms
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import pose
@@ -192,27 +190,3 @@ def test_a_drag_moves_the_radar_and_its_echo(opened, live: Live) -> None:
     assert echo.range_m == pytest.approx(away, abs=0.02)  # the apex of the reflector is its phase centre
     complete(page)
     page.screenshot("live-radar-moved")
-
-
-@pytest.mark.slow
-def test_a_recording_is_played_beside_the_simulation(chromium, plate_scene: Path, tmp_path: Path) -> None:
-    """The recorded radar moves towards the plate. The page plays the frames, and both profiles have their maximum at the plate."""
-    x = np.linspace(0.0, 0.5, 6)
-    poses = np.stack([pose(np.array([at, 0.0, 1.0])) for at in x])
-    radar = rt.Radar.iwr1843()
-    plate = Scene.load(plate_scene)
-    rt.simulate(plate, radar, sensor_poses=poses).save(tmp_path / "drive")
-    playback = Playback(Recording.load(tmp_path / "drive"), "drive")
-    with running(plate, radar, poses[0], 0, playback) as live:
-        page = chromium()
-        open_page(page, live.port)
-        page.until("/drive, frame 0 of 6/.test(document.body.innerText)", 30)
-        page.run("[...document.querySelectorAll('label')].find(label => label.textContent.trim() === 'play').click()")
-        page.until("/drive, frame 5 of 6, .* s; radar at the recorded pose/.test(document.body.innerText)", 30)
-        wait_until(lambda: np.allclose(answer(live).setting.radar_pose, poses[5]), 60)
-        page.screenshot("live-recording")
-        measured, simulated = playback.spectra(5), answer(live).spectra
-        for spectra in (measured, simulated):
-            assert spectra.range_m[spectra.profile_db.argmax()] == pytest.approx(1.5, abs=radar.range_resolution_m)
-        assert simulated.profile_db.max() == pytest.approx(measured.profile_db.max(), abs=0.1)
-        assert not [line for line in page.messages if line.startswith("exception")]

@@ -36,14 +36,6 @@ def test_mesh_and_vendor_mesh_are_close(chair, vendor, refine, median_m, p95_m):
         assert np.quantile(distance, 0.95) < p95_m
 
 
-def test_floor_has_the_height_of_the_vendor_mesh(chair, vendor):
-    heights = []
-    for mesh in (chair[1][True][0], vendor):
-        flat = mesh.face_normals[:, 2] ** 2 > 0.97
-        heights.append(np.average(mesh.triangles_center[flat & (np.abs(mesh.triangles_center[:, 2]) < 0.1), 2]))
-    assert heights[0] == pytest.approx(heights[1], abs=0.02)
-
-
 def high_pass(frame: Frame) -> Frame:
     """Return the frame with a high-pass filtered grey picture, at a sixth of the size, in place of its colour picture."""
     assert frame.colour is not None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import runpy
-import subprocess
 import sys
 from pathlib import Path
 
@@ -38,15 +37,6 @@ def test_every_page_of_the_documents_is_placed_and_its_formulas_are_drawn(builde
     assert "$" not in (tmp_path / "concepts.md").read_text(), "each formula is a picture"
     assert len(list((tmp_path / "formulas").glob("*.svg"))) > 100
     assert "decisions/index.md" in (tmp_path / "index.md").read_text(), "a link to a folder leads to its list"
-
-
-def test_a_wrong_folder_of_the_site_is_one_line(tmp_path: Path) -> None:
-    (tmp_path / "page.md").write_text("kept")
-    command = [sys.executable, str(SITE / "build_site.py"), "--out", str(tmp_path), "--no-execution"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (1, "", 1)
-    assert "holds files and no earlier site" in done.stderr
-    assert (tmp_path / "page.md").read_text() == "kept"
 
 
 def test_formulas_outside_code_become_pictures(formulas, tmp_path: Path) -> None:

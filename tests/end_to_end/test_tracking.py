@@ -74,22 +74,6 @@ def test_the_parent_run_of_a_sweep_holds_the_table_of_jobs_and_a_link_that_compa
     assert len(list((output / ARTIFACTS).rglob("jobs.csv"))) == 1
 
 
-def test_filters_of_the_documentation_are_valid(output: Path) -> None:
-    from mlflow import MlflowClient
-
-    text = (Path(__file__).resolve().parents[2] / "docs" / "sweeps.md").read_text(encoding="utf-8")
-    shown = [line.strip().partition("   ")[0] for line in text.splitlines() if line.startswith("    ")]
-    filters = [line for line in shown if line.startswith(("metrics.", "tags.", "datasets.", "attributes."))]
-    assert len(filters) > 5
-    client = MlflowClient(f"sqlite:///{output / DATABASE}")
-    table = client.get_experiment_by_name("environment")
-    assert table is not None
-    counts = {words: len(client.search_runs([table.experiment_id], words)) for words in filters}
-    assert counts["tags.sweep_key LIKE '%'"] == 1
-    known = f"datasets.name = 'recordings' and datasets.digest = '{'f' * 32}'"
-    assert len(client.search_runs([table.experiment_id], known)) == 1
-
-
 def test_system_metrics_are_sampled_when_they_are_switched_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MLFLOW_ENABLE_SYSTEM_METRICS_LOGGING", "true")
     monkeypatch.setenv("MLFLOW_SYSTEM_METRICS_SAMPLING_INTERVAL", "0.05")

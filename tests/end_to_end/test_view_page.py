@@ -99,18 +99,11 @@ def test_the_card_describes_the_surface_under_the_pointer(opened, lab):
     assert material_label(surface.material) in card
     for fact in ("roughness", "reflects", "source", "kind"):
         assert fact in card
-    opened.hover(free, 2)
     opened.hover(20, HEIGHT // 2)
     assert opened.run("document.querySelector('#card').hidden")
-    opened.click("#view-overview")
-
-
-def test_a_click_shows_the_card_of_a_surface_and_a_drag_hides_it(opened):
-    opened.click("#view-top")
-    middle = ((WIDTH - PANEL) // 2, HEIGHT // 2)
-    opened.click_at(*middle)
+    opened.click_at(free, HEIGHT // 2)
     assert not opened.run("document.querySelector('#card').hidden")
-    opened.drag(middle, (middle[0] + 60, middle[1]))
+    opened.drag((free, HEIGHT // 2), (free + 60, HEIGHT // 2))
     assert opened.run("document.querySelector('#card').hidden")
     opened.click("#view-overview")
 
@@ -145,14 +138,6 @@ def test_a_phone_shows_the_scene_above_the_panel_and_the_card_after_a_tap(chromi
     page.tap(5, top[1] + 5)
     assert page.run("document.querySelector('#card').hidden")
     assert page.messages == []
-
-
-def test_the_address_selects_the_first_colouring(chromium, lab, tmp_path):
-    page = chromium()
-    page.open(view(lab, tmp_path / "lab.html"), fragment="#mode=reflectivity")
-    assert page.run("document.body.dataset.mode") == "reflectivity"
-    page.open(view(lab, tmp_path / "other.html", by="segment"))
-    assert page.run("document.body.dataset.mode") == "segment"
 
 
 def test_colours_of_a_scan_are_drawn(chromium, tmp_path):

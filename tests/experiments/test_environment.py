@@ -24,7 +24,6 @@ from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result, check_rows
 from radartwin.scene.objects.assortment import every_object
 from radartwin.scene.objects.catalogue import OTHER_LEGS_M, entry
-from radartwin.store.products import Store
 
 COUNT = "operating points with the paper's figures"
 
@@ -181,19 +180,3 @@ def test_reflectors_of_other_sizes_scale_with_their_leg() -> None:
         assert reflector.aim_m == pytest.approx(usual.aim_m * leg / 0.1)
         (mesh, usual_mesh) = (of.surfaces()[0].mesh for of in (reflector, usual))
         assert mesh.vertices == pytest.approx(usual_mesh.vertices * leg / 0.1)
-
-
-def test_the_paper_profile_compares_legs_lobes_and_unscanned_echoes(tmp_path) -> None:
-    paper = config("environment", "profile=paper")
-    assert LEGS_M["paper"] == pytest.approx(np.arange(5, 13) / 100)
-    compared = operating_points.conditions(paper)
-    assert len(compared) == 2 * 5
-    assert {condition.of(paper).measured.gap.antenna for condition in compared if not condition.lobes} == {0}
-    assert {condition.of(paper).measured.gap.unscanned_echoes for condition in compared} == {0, 1, 2, 3, 5}
-    store = Store(tmp_path)
-    tasks = environment.recordings(paper, store, Progress(quiet=True)).values()
-    bare = [task for task in tasks if task.config.measured.gap.antenna == 0]
-    assert len(bare) == 80  # neither the simulations nor a condition of the receiver need a recording
-    quick = environment.recordings(config("environment"), store, Progress(quiet=True)).values()
-    planned = set(Campaign(config("environment"), store, Progress(quiet=True)).cases("measured"))
-    assert sum(task.domain == "measured" and task.case not in planned for task in quick) == 3

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -16,7 +15,6 @@ from radartwin.config.compose import compose
 from radartwin.config.study import CampaignConfig
 from radartwin.errors import ConfigError
 from radartwin.features.processed import Processed, process
-from radartwin.plotting import style
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
 
@@ -71,24 +69,6 @@ def test_the_diagonal_recedes_to_the_left() -> None:
     assert azimuth[-1] > 0.2
     assert (speed > 0).all()
     assert distance[-1] > 1.4
-
-
-def test_both_domains_share_scale_and_marks(tmp_path: Path) -> None:
-    view, _ = seen(Case("corner_reflector", "lab", "turntable", 1.0))
-    faint = gallery.View(view.range_m, view.across, {panel: power / 100 for panel, power in view.maps.items()}, view.truth)
-    drawn = gallery.draw({"measured": view, "twin": faint}, "a point", "testbed")
-    pictures = [axes for axes in drawn.axes if axes.images]
-    assert len(pictures) == 6
-    for column in range(3):
-        above, below = pictures[column], pictures[column + 3]
-        assert above.images[0].get_clim() == below.images[0].get_clim()
-        loudest, fainter = (float(np.ma.asarray(axes.images[0].get_array()).max()) for axes in (above, below))
-        assert loudest - fainter == pytest.approx(20, abs=0.01)
-        assert len(above.lines) == len(below.lines) == 1
-    assert "(testbed)" in pictures[0].get_ylabel()
-    assert "simulated" in pictures[3].get_ylabel()
-    style.save(drawn, tmp_path / "gallery")
-    assert (tmp_path / "gallery.png").stat().st_size > 10_000
 
 
 @pytest.mark.parametrize(

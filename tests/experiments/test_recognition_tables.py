@@ -177,25 +177,6 @@ def test_the_layout_of_the_paper_has_four_objects_at_each_distance(store: Store)
     assert rows[labelled_probe.REVOLUTIONS, labelled_probe.RAW]["chance"] == pytest.approx(1 / 6)
 
 
-@pytest.mark.slow
-def test_labelled_probe_of_equal_objects_is_at_chance(store: Store):
-    result = probe(store, turntable(signature=0.0))
-    row = find(result, probe=labelled_probe.RECORDINGS, method=labelled_probe.PRETRAINED)
-    assert row["verdict"] in ("undecided", "contradicted")
-    assert row["low"] <= row["chance"] + 0.1
-
-
-@pytest.mark.slow
-def test_rows_do_not_depend_on_the_order_of_cases(tmp_path: Path):
-    class Reversed(FakeCampaign):
-        def cases(self, domain, **chosen):
-            return super().cases(domain, **chosen)[::-1]
-
-    given = {"objects": OBJECTS, "frames": 24, "repetitions": 2, "turns": 2}
-    first, second = (probe(Store(tmp_path / name), made) for name, made in (("a", turntable()), ("b", Reversed(**given))))
-    assert first.rows == second.rows
-
-
 def test_every_object_has_the_same_number_of_measured_cases():
     often = FakeCampaign(objects=OBJECTS, keep=lambda domain, case: case.repetition < 2 or case.object == "corner_reflector")
     measured = [case for domain, case in frame.shared(often, ["turntable"], several=True) if domain == "measured"]
