@@ -28,6 +28,8 @@ from radartwin.scene.objects.assortment import every_object
 from radartwin.scene.objects.catalogue import catalogue, entry
 from radartwin.store.digest import spec_digest
 
+# A fake campaign has no target that a turntable turns, so its copies draw the receiver only.
+STILL = tuple(f"supervision.randomise.{name}=0" for name in ("wobble", "eccentricity", "start", "speed", "distance", "wall", "mesh"))
 LEVEL = {"metal": 1.0, "ceramic": 0.3, "plastic": 0.12}
 MODULATION = {"symmetric": 0.05, "faceted": 0.9, "asymmetric": 0.5}
 OFFSETS_M = (-0.6, -0.3, 0.35, 0.5, 0.8)  # range differences between the room's echoes and the target

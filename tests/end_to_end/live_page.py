@@ -16,7 +16,6 @@ from processes import started
 from scipy.spatial.transform import Rotation
 
 WIDTH, HEIGHT = 1500, 950
-GIZMO_M = 0.55  # length of the radar's arrows in the page
 
 
 @contextlib.contextmanager
@@ -43,11 +42,6 @@ def open_page(page: browser.Page, port: int) -> None:
     page.run("document.querySelectorAll('.mantine-Notification-closeButton').forEach(button => button.click())")
 
 
-def answers(page: browser.Page) -> int:
-    """Return the number of settings that the page has shown the answer to."""
-    return int(page.run("/answer (\\d+): /.exec(document.body.innerText)[1]"))
-
-
 def pixel(camera: Any, point: np.ndarray) -> tuple[float, float]:
     """Return the place of a point (3,) of the world in the window, for the camera of a viser client.
 
@@ -57,11 +51,3 @@ def pixel(camera: Any, point: np.ndarray) -> tuple[float, float]:
     x, y, z = rotation.T @ (np.asarray(point) - np.asarray(camera.position))
     focal = camera.image_height / 2 / np.tan(camera.fov / 2)
     return float(camera.image_width / 2 + focal * x / z), float(camera.image_height / 2 + focal * y / z)
-
-
-def drag_radar_left(page: browser.Page, camera: Any, position: np.ndarray, metres: float) -> None:
-    """Drag the arrow along the y axis of a radar that looks along +x."""
-    grip = position + np.array([0.0, 0.4 * GIZMO_M, 0.0])
-    start = pixel(camera, grip)
-    page.hover(*start)
-    page.drag(start, pixel(camera, grip + np.array([0.0, metres, 0.0])))

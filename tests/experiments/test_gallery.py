@@ -62,15 +62,6 @@ def test_the_maps_peak_at_the_logged_target(motion: Motion) -> None:
             assert view.across[panel][place] == 0  # at a turning point of the motion, the Doppler shift is zero
 
 
-def test_the_diagonal_recedes_to_the_left() -> None:
-    course = log(Case("corner_reflector", "lab", "diagonal", 1.0), CampaignConfig(), measured=False)
-    azimuth, speed, distance = gallery.course(course, course.frames)
-    assert azimuth[0] == pytest.approx(0, abs=1e-9)
-    assert azimuth[-1] > 0.2
-    assert (speed > 0).all()
-    assert distance[-1] > 1.4
-
-
 @pytest.mark.parametrize(
     ("pair", "message"),
     [

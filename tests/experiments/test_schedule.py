@@ -11,7 +11,6 @@ from experiments.campaign.cases import ROVER, planned
 from experiments.campaign.part import part
 from experiments.campaign.schedule import SECONDS, RecordingTask, Schedule
 from radartwin.config.compose import compose
-from radartwin.config.materials import TrueMaterials
 from radartwin.io.progress import Progress
 from radartwin.store.products import Store
 
@@ -71,21 +70,6 @@ def test_every_recording_is_made_once_and_a_worker_stays_on_its_track(tasks: lis
     for assigned in given.values():
         followed = [_track(task) for task in assigned]
         assert len(set(followed)) == len(list(itertools.groupby(followed)))
-
-
-def test_two_materials_of_a_room_are_two_tracks_unless_they_share_a_setup(tasks: list[RecordingTask]) -> None:
-    driven = [task for task in tasks if _track(task) == ("twin", "squash_court", "lateral")]
-    other = replace(CONFIG, materials=TrueMaterials())
-    assert other.materials != CONFIG.materials
-    mixed = [replace(task, config=config) for task in driven for config in (CONFIG, other)]
-    schedule = Schedule(mixed)
-    assert len(schedule.tracks) == 2
-    for worker, config in enumerate((CONFIG, other)):
-        assert [schedule.next_task(worker) for _ in driven] == [replace(task, config=config) for task in driven]
-    alike = [replace(task, setup="same") for task in mixed]
-    together = Schedule(alike)
-    assert [together.next_task(0) for _ in alike] == alike
-    assert len(together.tracks) == 1
 
 
 @pytest.mark.parametrize("parts", [1, 7, 100])

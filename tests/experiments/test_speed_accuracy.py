@@ -20,7 +20,6 @@ from radartwin.config.compose import compose
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
 from radartwin.runs.experiment import check_rows
-from radartwin.runs.run import run_key
 
 FREQUENCY_HZ = 77e9
 WAVELENGTH_M = SPEED_OF_LIGHT / FREQUENCY_HZ
@@ -178,14 +177,6 @@ def test_measuring_returns_time_and_rays_of_each_method() -> None:
     assert rows[0]["rays"] > 100
     assert rows[2]["rays"] == 256
     assert rows[0]["frames timed"] == 3
-
-
-def test_run_key_contains_the_machine(monkeypatch: pytest.MonkeyPatch) -> None:
-    config = compose(["experiment=speed_accuracy"])
-    here = run_key(config)
-    assert run_key(config) == here
-    monkeypatch.setattr(speed_accuracy, "machine", lambda: {"processor": "another"})
-    assert run_key(config) != here
 
 
 @pytest.mark.parametrize("problem", problems.problems(True), ids=lambda problem: problem.name)
