@@ -9,7 +9,7 @@ import pytest
 
 from analysis import main, registry
 from experiments import shared_simulations
-from experiments.campaign.campaign import Campaign, joined, make_together
+from experiments.campaign.campaign import Campaign, joined
 from experiments.campaign.schedule import RecordingTask
 from experiments.recognition import copies
 from radartwin.config.compose import compose, path_override
@@ -59,12 +59,6 @@ def test_recordings_beside_the_configured_ones_are_planned(tmp_path: Path) -> No
     assert len(added) == len([task for task in usual.values() if task.domain == "measured"])
     layout = planned("labelled_probe", tmp_path, "profile.layout_turns=3").values()
     assert {task.case.draw for task in layout if task.config.profile.campaign.turns == 3} == {0}
-
-
-def test_calls_are_made_without_missing_recordings() -> None:
-    made: list[int] = []
-    make_together({}, 1, Progress(quiet=True), calls=[(made.append, 1), (made.append, 2)])
-    assert made == [1, 2]
 
 
 def test_a_recording_that_two_tables_read_is_processed_if_one_of_them_reads_it_processed() -> None:

@@ -133,18 +133,3 @@ def test_what_a_page_points_to_exists(page: Path) -> None:
         assert place.with_suffix(".py").exists() or (place / "__main__.py").exists(), module
     for target in re.findall(r"`make ([\w-]+)`", prose(page)):
         assert f"\n{target}:" in (ROOT / "Makefile").read_text(), target
-
-
-REQUIRED = {  # arguments that the text leaves out
-    "label": ["x"], "view": ["x"], "process": ["x"], "reconstruct": ["x", "--out", "x"], "export": ["--out", "x"],
-    "import": ["x", "--out", "x"], "classify": ["x", "--model", "x"], "train": ["x", "--out", "x"],
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("command", sorted({c for page in [*PAGES, README] for c in quoted(page) if re.match(r"radartwin [a-z]", c)}))
-def test_a_command_in_the_text_is_taken(command: str) -> None:
-    verb, *words = shlex.split(command)[1:]
-    try:
-        parse([verb, *words])
-    except SystemExit:
-        parse([verb, *words, *REQUIRED[verb]])

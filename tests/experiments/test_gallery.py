@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -90,10 +88,3 @@ def test_pairs_are_chosen_by_configuration() -> None:
     for profile, pairs in gallery.PAIRS.items():
         named = compose(["experiment=gallery", f"profile={profile}"])
         assert gallery.cases_to_draw(named, cast(Any, None)) == [gallery.parse(pair) for pair in pairs]
-
-
-def test_a_recording_set_shows_its_first_recordings() -> None:
-    there = [Case("mug", "lab", "turntable", distance, repetition) for distance in (0.5, 1.0) for repetition in (0, 1)]
-    made = compose(["experiment=gallery"])
-    made = replace(made, measured=SimpleNamespace(provider="recordings", draw=None))  # type: ignore[arg-type]
-    assert gallery.cases_to_draw(made, cast(Any, SimpleNamespace(cases=lambda domain: there))) == [there[0], there[2]]

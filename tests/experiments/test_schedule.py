@@ -1,7 +1,6 @@
 """Recordings along the same track stay with one worker, only one worker scans a room, and parts have every recording once."""
 
 import itertools
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -28,16 +27,6 @@ def tasks() -> list[RecordingTask]:
 
 def _track(task: RecordingTask) -> tuple[str, str, str]:
     return task.domain, task.case.room, task.case.motion if task.case.motion in ROVER else "bench"
-
-
-def test_scanned_rooms_come_first_one_for_each_worker(tasks: list[RecordingTask]) -> None:
-    schedule = Schedule([replace(task, config=replace(CONFIG, seed=1)) for task in tasks])
-    first, second, third = (schedule.next_task(worker) for worker in range(3))
-    assert first
-    assert second
-    assert third
-    assert {_track(first)[:2], _track(second)[:2]} == {("twin", "lab"), ("twin", "squash_court")}
-    assert third.domain == "measured", "a third worker would wait for a scan"
 
 
 def test_tracks_of_shipped_rooms_come_by_their_time(tasks: list[RecordingTask]) -> None:
