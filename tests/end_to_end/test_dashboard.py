@@ -11,18 +11,16 @@ import re
 import signal
 import socket
 import subprocess
-import sys
-import time
 import urllib.error
 import urllib.request
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import browser
 import own_experiment
 import pytest
-from processes import descendants, listening
+from processes import descendants, listening, runs, serving, wait_until
 
 from radartwin.config.study import TrackingConfig
 from radartwin.errors import BackendError
@@ -36,21 +34,8 @@ pytestmark = pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")
 MATERIALS = ("void", "uniform", "vlm")
 
 
-@contextlib.contextmanager
-def serving(output: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
-    """Run `radartwin dashboard` on the folder. Yields the server's address and the process of the command."""
-    command = [sys.executable, "-m", "radartwin", "dashboard", "--output", str(output)]
-    server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, start_new_session=True)
-    assert server.stdout is not None
-    try:
-        line = next((line for line in server.stdout if "dashboard:" in line), "")
-        found = re.search(r"(http://127\.0\.0\.1:\d+)/start ", line)
-        assert found, "the server stopped before it answered"
-        yield found[1], server
-    finally:
-        server.terminate()
-        server.wait(30)
-        server.stdout.close()
+def served(output: Path) -> contextlib.AbstractContextManager[tuple[str, subprocess.Popen[str]]]:
+    return serving(output, r"dashboard:.*(http://127\.0\.0\.1:\d+)/start ", "dashboard", "--output", output)
 
 
 def ask(url: str, headers: Mapping[str, str] | None = None, **query: Any) -> str:
@@ -79,10 +64,7 @@ def assert_ends(command: subprocess.Popen[str], number: signal.Signals, port: in
     command.send_signal(number)
     assert command.wait(20) == 0
     assert listening(port) == set()
-    end = time.monotonic() + 10
-    while any(Path(f"/proc/{pid}").exists() and " Z " not in Path(f"/proc/{pid}/stat").read_text() for pid in started):
-        assert time.monotonic() < end, "a process of the server lives on"
-        time.sleep(0.1)
+    wait_until(lambda: not any(map(runs, started)), 10)
 
 
 def test_the_dashboard_shows_the_runs_of_the_output_folder_at_a_free_port_until_ctrl_c(tmp_path: Path) -> None:
@@ -95,7 +77,7 @@ def test_the_dashboard_shows_the_runs_of_the_output_folder_at_a_free_port_until_
             taken.listen()
         with pytest.raises(BackendError, match=f"port {USUAL_PORT} is taken"):
             dashboard(TrackingConfig(), tmp_path, USUAL_PORT)
-        with serving(tmp_path) as (address, command):
+        with served(tmp_path) as (address, command):
             port = int(address.rpartition(":")[2])
             assert port != USUAL_PORT
             assert ask(f"{address}/health") == "OK"
@@ -115,7 +97,7 @@ def test_the_dashboard_shows_the_runs_of_the_output_folder_at_a_free_port_until_
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_other_signals_end_the_server_too(tmp_path: Path, number: signal.Signals) -> None:
     Tracker(TrackingConfig(), tmp_path).prepare()
-    with serving(tmp_path) as (address, command):
+    with served(tmp_path) as (address, command):
         assert_ends(command, number, int(address.rpartition(":")[2]))
 
 
@@ -141,7 +123,7 @@ def test_the_start_page_opens_the_runs_of_a_sweep_in_a_new_browser(chromium, tmp
         with job.run("environment", f"{number:032x}", f"{source}, seed {number}", params, "Does the room matter?") as run:
             run.metrics = {"correlation_2m": 0.1 * number, "correlation_1m": 0.5, "samples": 3.0, "angle": 1.0}
     tracker.end_sweep(parent, "FINISHED")
-    with serving(tmp_path) as (address, _):
+    with served(tmp_path) as (address, _):
         page = chromium()
         visit(page, f"{address}/start", "environment", "Does the room matter?", "materials, seed, correlation_2m, correlation_1m, samples")
         page.screenshot("start")
@@ -162,7 +144,7 @@ def test_a_tracking_server_holds_a_sweep_of_another_folder(inside, here: Path, m
     """On a cluster, the jobs reach MLflow's store and its artifacts only over HTTP; the test reproduces this situation."""
     arguments, own = own_experiment.write(here / "mine")
     Tracker(TrackingConfig(), here / "served").prepare()
-    with serving(here / "served") as (address, _):
+    with served(here / "served") as (address, _):
         monkeypatch.setenv("OWN_EXPERIMENT", own["OWN_EXPERIMENT"])
         done = inside(*arguments, "-m", "seed=0,1", "--output", here / "out", f"tracking.uri={address}")
         assert "sweep: 2 done" in done.stdout, done.stderr
