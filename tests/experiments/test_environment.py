@@ -14,12 +14,10 @@ from fake_campaign import FakeCampaign, config, draw_all, find
 
 from experiments.campaign import frame
 from experiments.campaign.campaign import Campaign
-from experiments.campaign.cases import Case
 from experiments.campaign.columns import AVERAGES
 from experiments.turntable import environment, operating_points
 from experiments.turntable.operating_points import LEGS_M, Condition, Point
 from experiments.verdicts import RowList
-from radartwin.features.log import Nominal
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result, check_rows
 from radartwin.scene.objects.assortment import every_object
@@ -28,17 +26,9 @@ from radartwin.scene.objects.catalogue import OTHER_LEGS_M, entry
 COUNT = "operating points with the paper's figures"
 
 
-class Marked(FakeCampaign):
-    """A synthetic campaign whose target is exactly at the distance of its case."""
-
-    def log(self, case: Case, domain: str = "measured") -> Nominal:
-        log = super().log(case, domain)
-        return Nominal(log.frame_rate_hz, np.full(len(log.distance_m), case.distance_m), log.angle_rad)
-
-
 def sources(*distances: float) -> dict[str, Campaign]:
     """Return the campaign of each side of the table."""
-    usual: Any = Marked(distances=distances)
+    usual: Any = FakeCampaign(distances=distances, offset_m=0.0)
     return environment.sources(usual)
 
 
@@ -48,7 +38,7 @@ quiet = partial(frame.read, progress=Progress(quiet=True))
 @pytest.fixture(scope="module")
 def points() -> list[Point]:
     settings = config("environment")
-    profiles = quiet(Marked(distances=(2.0,)), operating_points.wanted(settings))
+    profiles = quiet(FakeCampaign(distances=(2.0,), offset_m=0.0), operating_points.wanted(settings))
     return operating_points.read(settings, dict.fromkeys(operating_points.conditions(settings), profiles))
 
 
