@@ -33,11 +33,12 @@ NAMES = {
 
 
 @pytest.fixture(scope="module")
-def target(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def target(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder = tmp_path_factory.mktemp("installed")
     offline = ["--no-deps", "--no-build-isolation", "--no-index", "--disable-pip-version-check", "--quiet"]
     subprocess.run([sys.executable, "-m", "pip", "install", *offline, "--target", str(folder), str(PACKAGE)], check=True)
-    return folder
+    yield folder
+    digest.forget()
 
 
 def clear() -> None:
@@ -58,7 +59,6 @@ def clear() -> None:
     plugins._installed.cache_clear()
     plugged._schema.cache_clear()
     source_files._tops.difference_update({"radartwin_example", "other_package"})
-    digest.forget()
 
 
 @pytest.fixture
@@ -163,7 +163,9 @@ def test_run_key_depends_on_the_code_of_the_plug_in(installed: Path, tmp_path: P
     source.write_text(source.read_text().replace("1.0", "1.5"))
     monkeypatch.setattr(sys, "path", [str(copy), *(folder for folder in sys.path if folder != str(installed))])
     clear()
+    digest.forget()
     assert run_key(compose(words)) != before
+    digest.forget()
 
 
 def test_worker_process_reads_a_configuration_with_plug_ins(installed: Path) -> None:
