@@ -200,7 +200,6 @@ def test_failed_run_loses_only_its_own_table(monkeypatch: pytest.MonkeyPatch, tm
         raise ArithmeticError("the solver broke\nfor good")
 
     monkeypatch.setattr(main, "compose", lambda overrides: compose([*overrides, "tracking=off"]))
-    monkeypatch.setattr(registry, "NAMES", ("linear_rail", "positioning"))  # the report computes the run key of each table
     monkeypatch.setattr(positioning, "run", lambda *_: Result("positioning", [reported.row()], {}))
     monkeypatch.setattr(linear_rail, "run", broken)
     assert main.tables("quick", ["linear_rail", "positioning"], tmp_path) == 1

@@ -19,8 +19,8 @@ from radartwin.runs import workers
 from radartwin.runs.experiment import load
 from radartwin.store.products import Store
 
-FEW = ("profile.campaign.turntable_objects=[mug,mustard]", "profile.campaign.rover_objects=[mug,mustard]")
-TABLES = ("turntable_shape", "linear_rail", "environment", "rover_fidelity", "labelled_probe", "material_errors", "complexity")
+FEW = ("profile.campaign.turntable_objects=[mug,mustard,corner_reflector]", "profile.campaign.rover_objects=[mug,mustard]")
+TABLES = ("campaign", "environment", "linear_rail", "labelled_probe", "material_errors", "complexity")
 
 
 def config_of(name: str, output: Path, *overrides: str) -> Config:
@@ -40,7 +40,7 @@ def test_recordings_of_all_tables_are_simulated_together(tmp_path: Path, monkeyp
         assert campaign.missing(campaign.plan()).keys() <= given["missing"].keys()
     assert {task.domain for task in given["missing"].values()} == {"measured", "twin", "void"}
     targets = [call for call in given["calls"] if call[0] is copies.simulate_targets]
-    assert len(targets) == 2 * 2, "the drawn targets of two objects for both simulators"
+    assert len(targets) == 2 * 3, "the drawn targets of three objects for both simulators"
     assert [case.room for function, case, *_ in given["calls"] if function is not copies.simulate_targets] == ["lab"], "of complexity"
 
 
