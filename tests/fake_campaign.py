@@ -28,6 +28,8 @@ from radartwin.scene.objects.assortment import every_object
 from radartwin.scene.objects.catalogue import catalogue, entry
 from radartwin.store.digest import spec_digest
 
+# A fake campaign has no target that a turntable turns, so its copies draw the receiver only.
+STILL = tuple(f"supervision.randomise.{name}=0" for name in ("wobble", "eccentricity", "start", "speed", "distance", "wall", "mesh"))
 LEVEL = {"metal": 1.0, "ceramic": 0.3, "plastic": 0.12}
 MODULATION = {"symmetric": 0.05, "faceted": 0.9, "asymmetric": 0.5}
 OFFSETS_M = (-0.6, -0.3, 0.35, 0.5, 0.8)  # range differences between the room's echoes and the target
@@ -42,16 +44,18 @@ class FakeCampaign:
         gap: relative size of the difference between the measured and the simulated echo pattern of the same object.
         turns: number of revolutions in a measured turntable recording.
         materials: material source of the simulated room.
+        offset_m: range of the target beyond the distance of its case.
         keep: function that decides whether the measured or the simulated domain contains a recording.
     """
 
     def __init__(
         self, motions: Sequence[Motion] = ("turntable",), rooms: Sequence[str] = ("lab",), distances: Sequence[float] = (0.5, 1.0),
         repetitions: int = 3, frames: int = 40, signature: float = 1.0, gap: float = 0.1, objects: Sequence[str] = (),
-        turns: int = 1, materials: str = "vlm", keep: Callable[[str, Case], bool] = lambda domain, case: True,
+        turns: int = 1, materials: str = "vlm", offset_m: float = 0.3, keep: Callable[[str, Case], bool] = lambda domain, case: True,
     ) -> None:  # fmt: skip
         self.motions, self.rooms, self.distances, self.repetitions = motions, rooms, distances, repetitions
         self.frames, self.signature, self.gap, self.turns, self.materials, self.keep = frames, signature, gap, turns, materials, keep
+        self.offset_m = offset_m
         self.made: dict[tuple[str, Case], tuple[str, Processed]] = {}
         self.objects = tuple(objects) or tuple(catalogue())
         self.radar = Radar.iwr1843()
@@ -77,7 +81,7 @@ class FakeCampaign:
     def log(self, case: Case, domain: str = "measured") -> Nominal:
         frames = self.frames * (self.turns if domain == "measured" and case.motion == "turntable" else 1)
         angle = 2 * np.pi * np.arange(frames) / self.frames
-        distance = np.full(frames, case.distance_m + 0.3)
+        distance = np.full(frames, case.distance_m + self.offset_m)
         if case.motion != "turntable":
             return Nominal(10.0, distance + 0.05 * np.linspace(-1, 1, self.frames) ** 2, None)
         return Nominal(self.frames / 25.0, distance, angle)

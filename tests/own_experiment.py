@@ -2,8 +2,11 @@
 
 HOLD_n     the job of seed n waits while this file exists
 BREAK_n    the job of seed n fails with a defect
+REFUSE_n   the job of seed n is refused
+STOP_n     the job of seed n is interrupted
 KILL_n     the job of seed n kills its own process, as the kernel does when memory runs out
 EAT_n      the job of seed n asks for more memory than the machine has
+DRAW       each job draws a figure
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
+from radartwin.errors import MissingError
 from radartwin.runs.experiment import Result
 from radartwin.store.products import save_arrays
 
@@ -31,6 +35,10 @@ def run(config, store, progress):
         time.sleep(0.05)
     if (HERE / f"BREAK_{seed}").exists():
         raise RuntimeError("the solver broke")
+    if (HERE / f"REFUSE_{seed}").exists():
+        raise MissingError("there are no recorded answers")
+    if (HERE / f"STOP_{seed}").exists():
+        raise KeyboardInterrupt
     if (HERE / f"KILL_{seed}").exists():
         os.kill(os.getpid(), signal.SIGKILL)
     if (HERE / f"EAT_{seed}").exists():
@@ -41,7 +49,16 @@ def run(config, store, progress):
         "run_keys": product.key, "metric": "correlation", "paper": "0.42", "value": seed / 1000,
         "low": 0.0, "high": 1.0, "n": 3, "domain": "testbed", "verdict": "holds",
     }
-    return Result("mine", [row], {}, {"correlation": row["value"], "peak": peak}, [product.key])
+    figures = {"curve": draw} if (HERE / "DRAW").exists() else {}
+    return Result("mine", [row], figures, {"correlation": row["value"], "peak": peak}, [product.key])
+
+
+def draw():
+    from radartwin.plotting import style
+
+    figure, axes = style.figure()
+    axes.plot([0, 1], [1, 0])
+    return figure
 """
 YAML = "# @package _global_\nexperiment:\n  name: mine\n  module: my_experiment\n"
 SAME = ("job", "seed", "run_key", "correlation", "peak")  # columns of the table of jobs that no launcher and no kill may change

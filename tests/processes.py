@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import re
 import signal
 import socket
 import subprocess
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -19,6 +22,21 @@ def started(command: list[str], folder: Path, **environment: str) -> subprocess.
         command, cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT), **environment}, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         text=True, start_new_session=True,
     )  # fmt: skip
+
+
+@contextlib.contextmanager
+def serving(folder: Path, address: str, *arguments: str | Path, **environment: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """Run a command of radartwin that serves a page. Yields what the pattern `address` finds in its output, and the process."""
+    process = started([sys.executable, "-m", "radartwin", *map(str, arguments)], folder, **environment)
+    assert process.stdout
+    try:
+        found = next((match for line in process.stdout if (match := re.search(address, line))), None)
+        assert found, process.stderr.read() if process.stderr else ""
+        yield found[1], process
+    finally:
+        if process.poll() is None:
+            process.terminate()
+        process.communicate(timeout=60)
 
 
 def interrupted_twice(process: subprocess.Popen[str]) -> str:

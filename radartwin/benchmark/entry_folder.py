@@ -39,9 +39,15 @@ def frequency_grid(radar: Radar) -> dict[str, float | int]:
 def write(
     folder: str | Path, method: str, signals: Mapping[str, Signals], seconds_per_frame: Mapping[str, float], machine: str = ""
 ) -> Path:
-    """Write the signals of a method, the file method.json last. All arguments are checked before the first file is written.
+    """Write the signals of a method. All arguments are checked before the first file is written. The file method.json is written last.
 
-    signals: by problem and scenario, complex samples (S, N) in amplitude units. seconds_per_frame: by problem, wall seconds.
+    Args:
+        signals: by problem and scenario, complex samples (S, N) in amplitude units.
+        seconds_per_frame: by problem, wall seconds per frame of the method.
+    Raises:
+        InputError: a problem or scenario is unknown or absent, or has a wrong shape, or a problem has no seconds per frame above 0, or the
+            name of the method or machine has other than printable characters.
+        OutputError: the folder cannot be written.
     """
     _check_names(method, machine, str(folder))
     folder, contents, entries = Path(folder), {}, {}

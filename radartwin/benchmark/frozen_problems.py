@@ -82,7 +82,9 @@ def index(folder: Path = FOLDER) -> dict[str, Any]:
 
 
 def described(path: Path, expected: str, remedy: str) -> dict[str, Any]:
-    """Read a JSON object whose key `format` has the expected value. Errors are MissingError or InputError and end with `remedy`."""
+    """Read a JSON object whose key `format` has the expected value. Raises MissingError or InputError with a message that ends with
+    `remedy`.
+    """
     if not path.is_file():
         raise MissingError(f"{path}: no such file; {remedy}")
     try:

@@ -46,10 +46,16 @@ def row(method: str, problem: Problem, signals: Mapping[str, np.ndarray], second
 
 
 def benchmark(output: Path, methods: Sequence[str], problem_names: Sequence[str], say: Callable[[str], None]) -> tuple[Path, list[Row]]:
-    """Score methods, write the leaderboard after each method, and return its path and its rows. All arguments are checked first.
+    """Score methods, each a folder of signals or the name of a simulator, and write the leaderboard after each method.
 
-    methods: names of simulators or folders of signals (./NAME if NAME is also a simulator); empty: all of `entrants.METHODS`.
-    problem_names: an empty list means all. A folder is scored on those of these problems that it contains.
+    Args:
+        methods: names or folders; an empty list means all of `entrants.METHODS`. If a name is both a known method and a folder, it means
+            the method; give the folder as ./NAME.
+        problem_names: an empty list means all. A folder is scored on those of these problems that it contains.
+    Returns: the path of the leaderboard and its rows.
+    Raises:
+        InputError, MissingError: a method or problem is unknown, or a folder is wrong. All arguments are checked before the first run.
+        OutputError: the leaderboard cannot be written.
     """
     path = output / FOLDER / NAME
     files.sweep(files.check_folder(path.parent))

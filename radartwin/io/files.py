@@ -73,10 +73,14 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
 
 @contextlib.contextmanager
 def replacing_together(paths: Sequence[Path]) -> Iterator[dict[Path, Path]]:
-    """Yield temporary paths, by final path, for the files of one folder, which the caller writes all.
+    """Yield a temporary path for each of the files of one folder, by final path. The caller writes all files under their temporary paths.
 
-    After the `with` block, the files are forced to the disk and renamed in the given order, while other processes that replace them wait.
-    The last file describes the others. It is deleted first, so that after a kill an existing last file belongs to the others.
+    When the `with` block ends without an exception, the function forces the files to the disk and renames them in the given order, while
+    other processes that replace the same files wait. Of several files, the last describes the others, so the function first deletes an
+    existing last file. Therefore, after a kill at any moment, an existing last file belongs to the other files.
+
+    Raises:
+        OutputError: the folder cannot be created or written. No temporary file remains.
     """
     make_folder(paths[0].parent)
     temporary = {path: unfinished(path) for path in paths}

@@ -1,4 +1,4 @@
-"""Log the models and input data of a run to MLflow. Only this module and radartwin/runs/tracking.py import mlflow."""
+"""Log the models and input data of a run to MLflow. Only this package imports mlflow."""
 
 from __future__ import annotations
 

@@ -15,17 +15,25 @@ from pathlib import Path
 from radartwin.config.study import TrackingConfig
 from radartwin.errors import ConfigError, MissingError
 from radartwin.io.serving import HOST, STEP_S, free_port, ignore_signals
+from radartwin.runs.start_page import START
 from radartwin.runs.tracking import Tracker
 
 USUAL_PORT = 5000
 THREADS = 40  # largest number of requests that the server answers at once (the default of AnyIO, which runs its threads)
-ENDS_WITHIN_S = 5
+STARTS_WITHIN_S, ENDS_WITHIN_S = 120, 5
 
 
 def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> int:
-    """Start MLflow's server, wait until it ends or a signal arrives, and return its exit status, or 0 after a signal.
+    """Start MLflow's server and wait until it ends, or until Ctrl-C, SIGTERM or SIGHUP.
 
-    port: None means 5000, or another free port if 5000 is taken. Raises UserError without runs to show or with a taken port.
+    Returns the exit status of the server, or 0 after a signal.
+
+    Args:
+        port: port of the web server; None means 5000, or another free port if 5000 is taken.
+    Raises:
+        ConfigError: tracking is switched off, or uses another MLflow server.
+        MissingError: the output folder has no database of runs.
+        BackendError: the port given by the user is taken.
     """
     tracker = Tracker(config, output)
     if tracker.off:
@@ -36,10 +44,9 @@ def dashboard(config: TrackingConfig, output: Path, port: int | None = None) -> 
         raise MissingError(f"{output}: no run is tracked in this folder; give the output folder of a run with --output")
     port = free_port(port, USUAL_PORT)
     tracker.prepare()
-    stores = ["--backend-store-uri", tracker.uri, "--artifacts-destination", tracker.artifacts]
-    listens = ["--host", HOST, "--port", str(port), "--workers", "1", "--uvicorn-opts", "--log-level warning"]
-    command = [sys.executable, "-m", "mlflow", "server", *stores, *listens]
-    # MLflow's 40 threads share 15 connections to the database by default, so that requests fail; jobs with language models are off
+    command = [sys.executable, "-m", "radartwin.runs.start_page", tracker.uri, tracker.artifacts, HOST, str(port)]
+    # MLflow's 40 threads by default share 15 connections to the database, and a request that gets no connection for 30 s fails. RadarTwin
+    # therefore gives the server one connection per thread, and switches off jobs with language models.
     defaults = {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false", "MLFLOW_SQLALCHEMYSTORE_POOL_SIZE": str(THREADS)}
     environment = {**defaults, **os.environ}
     with contextlib.suppress(KeyboardInterrupt):
@@ -66,10 +73,10 @@ def _end(server: subprocess.Popen[bytes]) -> None:
 
 
 def _announce(server: subprocess.Popen[bytes], port: int) -> None:
-    """Print the address as soon as the MLflow server answers."""
-    address = f"http://{HOST}:{port}"
-    while server.poll() is None:
+    """Print the address of the start page as soon as the MLflow server answers."""
+    address, end = f"http://{HOST}:{port}", time.monotonic() + STARTS_WITHIN_S
+    while server.poll() is None and time.monotonic() < end:
         with contextlib.suppress(OSError), urllib.request.urlopen(f"{address}/health", timeout=5):
-            print(f"dashboard: {address} (Ctrl-C ends it)", flush=True)
+            print(f"dashboard: {address}{START} (Ctrl-C ends it)", flush=True)
             return
         time.sleep(0.2)

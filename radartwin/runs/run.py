@@ -32,7 +32,13 @@ _UNNAMED = ("experiment", "output", "jobs", "tracking", "hydra")  # overrides th
 
 
 def run_experiment(config: Config, overrides: Sequence[str] = (), progress: Progress | None = None) -> tuple[Result, Counts]:
-    """Compute the result of a configured experiment, or read it from the store. Return it with the counts of results."""
+    """Compute the result of a configured experiment, or read it from the store if an earlier run finished it.
+
+    Returns: the result, and how many stored results were computed and how many were reused.
+
+    Raises:
+        UserError: the configuration cannot be run.
+    """
     from radartwin.store import array_cache  # imports NumPy
 
     progress = progress or Progress()

@@ -48,9 +48,15 @@ def reused() -> Iterator[None]:
 
 
 def each(function: Callable[..., Any], items: Sequence[tuple[Any, ...]], jobs: int, done: Callable[[], None] = lambda: None) -> list[Any]:
-    """Return [function(*item) for item in items], computed by worker processes if there are enough items (see `run`).
+    """Return [function(*item) for item in items]. Worker processes compute the calls if there are enough items.
 
-    `done` is called after each finished item.
+    Args:
+        function: a function defined in a module; its arguments and its result can be pickled.
+        items: one tuple of arguments per function call.
+        jobs: configured number of workers, see `worker_count`.
+        done: function that is called after each finished item.
+    Raises:
+        UserError, CrashError: for the same reasons as in the function `run`.
     """
     count = worker_count(jobs, len(items))
     by_number: dict[int, Any] = {}

@@ -25,9 +25,14 @@ _SUFFIX = ".npz"
 
 
 class ArrayCache:
-    """Store named arrays by key, in memory and optionally in a folder, up to limits in bytes.
+    """Store named arrays by key, in memory and optionally in a folder.
 
-    A file KEY.npz is never partly written. A damaged entry is removed with a warning, and the least recently used if the folder is full.
+    Args:
+        folder: folder in which entries remain after this process ends; None keeps entries in memory only.
+        in_memory_bytes: size limit of the entries in memory, in bytes.
+        max_bytes: size limit of the folder in bytes.
+    Raises:
+        OutputError: the folder cannot be created or written.
 
     >>> cache = ArrayCache()
     >>> cache.put("key", {"length_m": np.ones(3)})

@@ -108,9 +108,14 @@ def count(more: Counts) -> None:
 
 
 class Store:
-    """Store computed results in the cache folder of an output folder, which any number of processes may share.
+    """Store computed results in the cache folder of an output folder. Any number of processes may share the folder.
 
-    Unfinished results of killed processes are removed. `say` receives a message about waiting and about a damaged result.
+    Args:
+        root: folder of the cache, usually output/cache. The store creates the folder and removes the unfinished results of killed
+            processes.
+        say: function that receives a message when another process is computing a needed result, and when a stored result is damaged.
+    Raises:
+        OutputError: the cache folder cannot be written.
     """
 
     def __init__(self, root: Path, say: Callable[[str], None] = lambda line: None) -> None:

@@ -1,7 +1,5 @@
 """Pages are filled from tables: places select rows, and the shipped pages hold what the committed tables give."""
 
-import re
-
 import pytest
 from jinja2 import UndefinedError
 
@@ -14,7 +12,6 @@ void,-0.24,0.4312,0.402,0.4549,3,contradicted
 room,+0.42,0.78,0.78,0.78,10,supported
 tiny,,0.0004,,,1,
 """
-WORDS = {readme: 1000, findings: 1800}  # most words of a page
 
 
 @pytest.fixture
@@ -57,11 +54,6 @@ def test_pages_follow_from_the_committed_tables(page):
     assert page.PAGE.read_text(encoding="utf-8") == page.text()
 
 
-@pytest.mark.parametrize(("page", "most"), WORDS.items())
-def test_findings_and_readme_are_short(page, most):
-    assert len(re.findall(r"[^\s|]*\w[^\s|]*", page.PAGE.read_text(encoding="utf-8"))) <= most
-
-
 def test_a_row_of_the_papers_tables_names_one_row_of_the_results():
     with pytest.raises(ValueError, match=r"turntable_shape\.csv: 4 rows have .*; change paper_tables\.yaml"):
         paper_tables.answer(
@@ -78,18 +70,6 @@ def test_a_primary_claim_has_the_verdict_of_the_headline():
         {"table": "environment", "metric": "energy share beyond the target", "case": "measured (testbed)", "distance_m": 2.0},
     )
     assert answer == ("0.25 (0.11 to 0.45 at 99.4 %)", "contradicted", "10")
-
-
-def test_a_report_without_a_table_says_so():
-    page = "".join(table for _, _, table in paper_tables.html(lambda name: paper_tables.committed(name).iloc[:0]))
-    assert page.count("not made") > 200
-    assert "<script" not in page
-
-
-def test_our_figures_in_a_report_are_links_to_their_rows():
-    table = next(table for title, _, table in paper_tables.html(paper_tables.committed) if title.startswith("Table 3"))
-    (number,) = set(re.findall(r'<a href="#headline-(\d+)">0.39 \(0.01 to 0.74 at 98.8 %\)</a>', table))
-    assert paper_tables.committed("headline").iloc[int(number) - 1]["table"] == "rover_recognition"
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/findings.md"])

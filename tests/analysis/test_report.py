@@ -109,35 +109,6 @@ def test_every_table_is_present_or_named_missing_stale_or_failed(read: Read) -> 
     assert "not run: Comparison with real measurements, Checks of the tracer" in " ".join(index.split())
 
 
-def test_tables_that_the_profile_leaves_out_are_no_warning(read: Read) -> None:
-    left_out = set(registry.NAMES) - set(registry.of_profile("quick"))
-    assert left_out <= set(read.ids)
-    warned = read.said["tables"].partition("not run:")[2].partition("table")[0]
-    for name in left_out:
-        assert name not in read.said, "it has no section"
-        assert registry.table(name).title not in warned
-        assert f"radartwin tables --profile quick --only {name}" in read.said["tables"]
-
-
-def test_index_counts_verdicts_by_table(read: Read) -> None:
-    rows = reported.rows()
-    total = len(rows) + len(reported.methods()) + 1
-    assert f"3 tables are here. Of their {total} rows {sum(bool(row['verdict']) for row in rows)} state a claim" in read.said["tables"]
-    count = Counter(row["verdict"] for row in rows)
-    words = ("supported", "contradicted", "not testable here")
-    assert f"{len(rows)} rows: " + ", ".join(f"{count[word]} {word}" for word in words) in read.said["environment"]
-
-
-def test_page_says_once_what_the_testbed_is_and_shows_two_sentences_of_a_caption(written: Path, read: Read) -> None:
-    text = (written / "report" / "index.html").read_text(encoding="utf-8")
-    assert text.count("the testbed is not reality") == 1
-    assert registry.TESTBED_NOTE not in text
-    short, rest = Section(registry.table("environment"), written, "quick", reported.KEY).caption
-    assert (short.count("."), f"{short} {rest}") == (2, registry.table("environment").caption)
-    assert short in text
-    assert rest in read.said["environment"]
-
-
 def test_answer_follows_from_the_headline() -> None:
     with (ROOT / "docs" / "results" / "headline.csv").open(encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))

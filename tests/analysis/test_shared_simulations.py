@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from analysis import main, registry
+from analysis import main
 from experiments import shared_simulations
-from experiments.campaign.campaign import Campaign, joined, make_together
+from experiments.campaign.campaign import Campaign, joined
 from experiments.campaign.schedule import RecordingTask
 from experiments.recognition import copies
 from radartwin.config.compose import compose, path_override
@@ -17,12 +17,14 @@ from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.runs import workers
 from radartwin.runs.experiment import load
-from radartwin.scene.objects.catalogue import catalogue
 from radartwin.store.products import Store
 
+FEW = ("profile.campaign.turntable_objects=[mug,mustard,corner_reflector]", "profile.campaign.rover_objects=[mug,mustard]")
+TABLES = ("campaign", "environment", "linear_rail", "labelled_probe", "material_errors", "complexity")
 
-def config_of(name: str, output: Path) -> Config:
-    return compose([f"experiment={name}", "profile=quick", path_override("output", output)])
+
+def config_of(name: str, output: Path, *overrides: str) -> Config:
+    return compose([f"experiment={name}", "profile=quick", *FEW, *overrides, path_override("output", output)])
 
 
 def test_recordings_of_all_tables_are_simulated_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -32,19 +34,18 @@ def test_recordings_of_all_tables_are_simulated_together(tmp_path: Path, monkeyp
         given.update(missing=missing, calls=calls)
 
     monkeypatch.setattr(shared_simulations, "make_together", keep)
-    shared_simulations.simulate([config_of(name, tmp_path) for name in registry.of_profile("quick")], Progress(quiet=True))
+    shared_simulations.simulate([config_of(name, tmp_path) for name in TABLES], Progress(quiet=True))
     for name in ("turntable_shape", "linear_rail", "rover_fidelity", "labelled_probe", "material_errors"):
         campaign = Campaign(config_of(name, tmp_path), Store(tmp_path / "cache"), Progress(quiet=True))
         assert campaign.missing(campaign.plan()).keys() <= given["missing"].keys()
     assert {task.domain for task in given["missing"].values()} == {"measured", "twin", "void"}
     targets = [call for call in given["calls"] if call[0] is copies.simulate_targets]
-    assert len(targets) == 2 * len(catalogue()), "the drawn targets of both simulators"
+    assert len(targets) == 2 * 3, "the drawn targets of three objects for both simulators"
     assert [case.room for function, case, *_ in given["calls"] if function is not copies.simulate_targets] == ["lab"], "of complexity"
 
 
 def planned(name: str, output: Path, *overrides: str) -> dict[str, RecordingTask]:
-    few = ("profile.campaign.turntable_objects=[mug,mustard]", "profile.campaign.rover_objects=[mug,mustard]", "profile.campaign.draws=2")
-    config = compose([f"experiment={name}", "profile=quick", *few, *overrides, path_override("output", output)])
+    config = config_of(name, output, "profile.campaign.draws=2", *overrides)
     return load(config.experiment).recordings(config, Store(output / "cache"), Progress(quiet=True))
 
 
@@ -59,12 +60,6 @@ def test_recordings_beside_the_configured_ones_are_planned(tmp_path: Path) -> No
     assert len(added) == len([task for task in usual.values() if task.domain == "measured"])
     layout = planned("labelled_probe", tmp_path, "profile.layout_turns=3").values()
     assert {task.case.draw for task in layout if task.config.profile.campaign.turns == 3} == {0}
-
-
-def test_calls_are_made_without_missing_recordings() -> None:
-    made: list[int] = []
-    make_together({}, 1, Progress(quiet=True), calls=[(made.append, 1), (made.append, 2)])
-    assert made == [1, 2]
 
 
 def test_a_recording_that_two_tables_read_is_processed_if_one_of_them_reads_it_processed() -> None:

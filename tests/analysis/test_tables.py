@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import re
 from pathlib import Path
 from typing import Any
 
@@ -40,30 +39,6 @@ def test_csv_has_case_keys_and_score_in_full_precision() -> None:
     assert absent["value"] == ""
 
 
-def test_markdown_lines_have_one_cell_per_column_and_a_dash_for_an_absent_value() -> None:
-    lines = [line for line in tables.to_markdown(TABLE, [row(), UNTESTABLE]).splitlines() if line.startswith("|")]
-    assert len(lines) == 4
-    assert {line.replace("\\|", "").count("|") for line in lines} == {len(SCORE) + 2}
-    assert "| – |" in lines[-1]
-
-
-def test_html_begins_with_claim_verdict_value_paper_and_why_and_folds_other_columns() -> None:
-    judged = row(claim="rooms & halls help", bound=0.1, null=0.0, direction="above", distance_m=2.5, seed=0)
-    text = tables.to_html(
-        TABLE, [judged, {**judged, "claim": "", "verdict": "", "direction": "", "distance_m": 3.0, "paper": "0.1 +- 0.2"}]
-    )
-    cells = re.findall(r"<t[hd]\b([^>]*)>(.*?)</t[hd]>", text)
-    shown = [content for kind, content in cells if "more" not in kind and "colspan" not in kind]
-    assert shown == [
-        "claim", "verdict", "value", "paper", "why",
-        "rooms &amp; halls help<small>r | z, 2.5 m</small>", "supported", "0.333<small>0.25 to 0.5</small>", "-0.24 to +0.42",
-        "The whole interval is above 0.1.",
-        "r | z<small>3 m</small>", "", "0.333<small>0.25 to 0.5</small>", "0.1 &#177; 0.2", "",
-    ]  # fmt: skip
-    assert "In every row: bound: 0.1; null: 0; seed: 0; metric: r | z; n: 3; domain: testbed" in text
-    assert text.isascii()
-
-
 @pytest.mark.parametrize(("word", "changes", "expected"), [
     ("supported", {"direction": "above", "bound": 0.2, "null": 0.0}, "The whole interval is above 0.2."),
     ("direction shown", {"direction": "above", "bound": 0.3, "null": 0.0}, "The whole interval is above 0, but not above 0.3."),
@@ -97,22 +72,16 @@ def test_latex_escapes_its_special_characters_and_has_commands_for_symbols() -> 
     assert r"50 \% of\_all" in text
     assert text.count(r"\toprule") == text.count(r"\bottomrule") == 1
     assert text.count("{") == text.count("}")
-    columns = text.split(r"\begin{tabular}{")[1].split("}")[0]
-    lines = [line for line in text.splitlines() if line.endswith(r"\\")]
-    assert {line.replace(r"\&", "").count("&") + 1 for line in lines} == {len(columns)}
     assert text.isascii()
     assert r"$\rho$ $\geq$ 0.5 $\pm$ 3 $\mu$m$^2$" in text
-    assert r"\begin{table*}" in text  # nine columns
-    assert r"\resizebox{\textwidth}{!}{%" in text
 
 
-@pytest.mark.parametrize("name", registry.NAMES)
-def test_every_experiment_module_declares_a_table_that_latex_can_typeset(name: str) -> None:
-    table = registry.table(name)
-    assert table.name == name
-    assert table.title
-    assert table.caption
-    assert tables.to_latex(table, [row()]).isascii()
+def test_every_experiment_module_declares_a_table_that_latex_can_typeset() -> None:
+    for name in registry.NAMES:
+        table = registry.table(name)
+        assert table.name == name
+        assert table.title
+        assert tables.to_latex(table, [row()]).isascii()
 
 
 @pytest.mark.parametrize(

@@ -137,9 +137,16 @@ def test_wrong_folder_is_one_line(fault: str, folder: Path, tmp_path: Path, insi
         (["--method", "nothing"], "--method nothing is neither a folder nor a method"),
         (["--problem", "far"], "problem 'far' is not known"),
         (["--method", "no/folder"], "no/folder/method.json: no such file"),
+        (
+            ["--method", "points", "--method", "mine", "--problem", "canonical"],
+            "has none of the chosen problems; choose --problem from near",
+        ),
     ],
 )
-def test_unknown_names_are_one_line(words: list[str], message: str, inside: Callable) -> None:
+def test_a_wrong_choice_is_refused_before_any_method_runs(
+    words: list[str], message: str, folder: Path, inside: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(entrants, "solve", lambda *_: pytest.fail("a method ran"))
     done = inside("benchmark", *words)
     assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
     assert message in done.stderr
@@ -153,27 +160,24 @@ def test_a_foreign_leaderboard_is_kept(tmp_path: Path, inside: Callable) -> None
     assert (done.returncode, path.read_text()) == (2, "name,score\nme,1\n")
 
 
-def test_write_refuses_a_wrong_array(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="has the shape"):
-        entry_folder.write(tmp_path, "mine", {"near": {"trihedral 15 cm": np.zeros(3, complex)}}, {"near": 1.0})
-    with pytest.raises(InputError, match="'machine' must be a text of printable characters"):
-        entry_folder.write(tmp_path, "mine", {}, {}, "a\ndesk")
-    assert not (tmp_path / entry_folder.DESCRIPTION).exists()
+BOTH = {name: quiet_signals(name) for name in ("near", "furnished_drive")}
 
 
 @pytest.mark.parametrize(
-    ("seconds", "message"),
+    ("signals", "seconds", "machine", "message"),
     [
-        ({"near": 1.0}, "mine: problem furnished_drive has no entry in seconds_per_frame"),
-        ({"near": 1.0, "furnished_drive": 0.0}, "problem furnished_drive: seconds_per_frame is 0.0"),
-        ({"near": 1.0, "furnished_drive": 10**400}, "problem furnished_drive: seconds_per_frame is inf"),
+        ({"near": {"trihedral 15 cm": np.zeros(3, complex)}}, {"near": 1.0}, "", "has the shape"),
+        ({}, {}, "a\ndesk", "'machine' must be a text of printable characters"),
+        (BOTH, {"near": 1.0}, "", "mine: problem furnished_drive has no entry in seconds_per_frame"),
+        (BOTH, {"near": 1.0, "furnished_drive": 0.0}, "", "problem furnished_drive: seconds_per_frame is 0.0"),
+        (BOTH, {"near": 1.0, "furnished_drive": 10**400}, "", "problem furnished_drive: seconds_per_frame is inf"),
     ],
-    ids=["absent", "zero", "huge"],
+    ids=["shape", "machine", "absent", "zero", "huge"],
 )
-def test_write_checks_the_seconds_of_all_problems_before_it_writes(seconds: dict[str, float], message: str, tmp_path: Path) -> None:
+def test_write_checks_everything_before_it_writes(signals, seconds, machine: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=message):
-        entry_folder.write(tmp_path / "mine", "mine", {name: quiet_signals(name) for name in ("near", "furnished_drive")}, seconds)
-    assert not (tmp_path / "mine").exists()
+        entry_folder.write(tmp_path / "mine", "mine", signals, seconds, machine)
+    assert not (tmp_path / "mine" / entry_folder.DESCRIPTION).exists()
 
 
 def named(folder: Path, method: str) -> Path:
@@ -182,26 +186,11 @@ def named(folder: Path, method: str) -> Path:
     return folder
 
 
-def test_a_known_name_wins_over_a_folder_of_this_name(folder: Path, tmp_path: Path, inside: Callable) -> None:
+def test_a_known_name_wins_over_a_folder_and_repetitions_count_once(folder: Path, tmp_path: Path, inside: Callable) -> None:
     folder.rename(tmp_path / "points")  # the command runs in tmp_path
-    done = inside("benchmark", "--method", "points", "--method", "./points", "--problem", "near")
+    done = inside("benchmark", *2 * ["--method", "points", "--method", "./points", "--problem", "near"])
     assert done.returncode == 0, done.stderr
     assert [row["method"] for row in rows(tmp_path / "outputs")] == ["points", "my solver"]
-
-
-def test_a_repeated_problem_is_scored_once(folder: Path, tmp_path: Path, inside: Callable) -> None:
-    done = inside("benchmark", "--method", folder, "--method", folder, "--problem", "near", "--problem", "near")
-    assert done.returncode == 0, done.stderr
-    assert [row["problem"] for row in rows(tmp_path / "outputs")] == ["near"]
-
-
-def test_a_folder_without_a_chosen_problem_is_refused_before_any_method_runs(
-    folder: Path, inside: Callable, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(entrants, "solve", lambda *_: pytest.fail("a method ran"))
-    done = inside("benchmark", "--method", "points", "--method", folder, "--problem", "canonical")
-    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
-    assert "has none of the chosen problems; choose --problem from near" in done.stderr
 
 
 def test_two_runs_on_one_leaderboard_keep_the_rows_of_both(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -242,15 +231,3 @@ def test_tutorial_enters_a_method_as_printed(tmp_path: Path, monkeypatch: pytest
     board = rows(tmp_path / "outputs")
     assert [row["problem"] for row in board] == frozen_problems.names()
     assert {row["method"] for row in board} == {"centres"}
-
-
-def test_page_lists_checksums_of_the_answers() -> None:
-    page = (DOCS / "benchmark.md").read_text()
-    for entry in frozen_problems.index()["problems"].values():
-        assert f"| `{entry['file']}` | `{entry['sha256']}` |" in page
-
-
-def test_every_shipped_method_is_a_simulator() -> None:
-    for method in entrants.METHODS:
-        assert entrants.method(method.name) == method
-    assert entrants.method("mitsuba").settings == {}

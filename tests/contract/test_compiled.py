@@ -9,6 +9,7 @@ import warnings
 
 import numpy as np
 import pytest
+from numba.core.errors import NumbaError
 
 from radartwin import compiled as compiled_module
 
@@ -122,6 +123,17 @@ def test_an_error_in_one_thread_reaches_the_caller() -> None:
 
     with pytest.raises(ValueError, match="item 3"):
         compiled_module.each(fail, range(6))
+
+
+def test_innermost_functions_cannot_make_arrays() -> None:
+    """They do not count references to arrays, so that an array that they make would never be freed."""
+
+    @compiled_module.innermost
+    def makes(count):
+        return np.zeros(count).sum()
+
+    with pytest.raises(NumbaError):
+        makes(3)
 
 
 CALLED = "from radartwin.compiled import compiled\n\n\n@compiled\ndef called(x):\n    return {} * x\n"

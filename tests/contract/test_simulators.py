@@ -308,31 +308,3 @@ def test_run_key_depends_on_the_simulator_and_its_settings():
 @pytest.mark.parametrize("stage", ["experiments.turntable.environment", "experiments.campaign.twin"])
 def test_run_key_depends_on_the_source_of_every_simulator(stage):
     assert {type(backend(name)).__module__ for name in SIMULATORS} <= closure((stage,))
-
-
-@pytest.mark.parametrize("name", SIMULATORS)
-def test_every_simulator_records_a_configured_scene(name):
-    from radartwin.builders.recording import simulate_scene
-
-    recording = simulate_scene(compose([f"simulator={name}", "scene=plate", "trajectory=static"]))
-    assert recording.provenance["simulator"] == name
-    assert np.isfinite(recording.iq).all()
-    assert recording.iq.any()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["rfgenesis", "points"])
-def test_environment_experiment_runs_on_every_baseline(name, tmp_path):
-    """The measured recordings are reused, because the simulator does not change them."""
-    from radartwin.runs.run import run_experiment
-
-    small = ["experiment.distances_m=[1.0]", "profile.campaign.frames_per_turn=2", "profile.campaign.turns=1", "profile.campaign.draws=1"]
-    small += ["profile.campaign.reflector_repeats=1", "measured.gap.solver=0", "measured.gap.clutter=0", "tracking=off"]
-    common = ["experiment=environment", f"output={tmp_path}", *small]
-    result, counts = run_experiment(compose([*common, f"simulator={name}"]))
-    assert counts.by_kind["clean built"] == 4  # measured, labelled room, plasterboard, void
-    assert result.rows
-    other = "simulator.version=corrected" if name == "rfgenesis" else "simulator.cross_section=sphere"
-    again, counts = run_experiment(compose([*common, f"simulator={name}", other]))
-    assert (counts.by_kind["clean built"], counts.by_kind["clean reused"]) == (3, 1)
-    assert again.run_key != result.run_key

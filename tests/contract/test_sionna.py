@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import warnings
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,12 +13,12 @@ import radartwin as rt
 from experiments.validation.backend_crosscheck import RADAR, pose_in, reference
 from experiments.validation.path_match import partners
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.materials import permittivity, reflection
+from radartwin.materials import reflection
 from radartwin.scene import objects, rooms
 from radartwin.scene.rooms.parts import FINISHES
 from radartwin.scene.trajectories import trajectory
-from radartwin.simulation import poses, variant
-from radartwin.simulation.backends import sionna, sionna_scene
+from radartwin.simulation import poses
+from radartwin.simulation.backends import sionna_scene
 from radartwin.simulation.backends.backend import backend
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.paths import Paths
@@ -61,26 +60,6 @@ def test_sionna_and_the_tracer_use_separate_processes():
     assert not [name for name in sys.modules if name.partition(".")[0] == "sionna"]
     assert first == again
     assert 20 * np.log10(first / own) == pytest.approx(0, abs=0.1)
-
-
-def sionnas_slab(cosine: np.ndarray, permittivity: complex, thickness_m: float, wavelength_m: float) -> np.ndarray:
-    """Return the TE and TM reflection coefficients (2, N) of a slab in air that Sionna itself computes, in its worker process."""
-    variant.activate("auto", "mono_polarized")
-    import mitsuba as mi
-    from sionna.rt.utils import itu_coefficients_single_layer_slab
-
-    pair: Any = mi.Complex2f
-    eta = pair(permittivity.real, permittivity.imag)
-    both = itu_coefficients_single_layer_slab(mi.Float(cosine), eta, mi.Float(thickness_m), mi.Float(wavelength_m))[:2]
-    return np.stack([np.array(values.real) + 1j * np.array(values.imag) for values in both])
-
-
-@pytest.mark.parametrize(("material", "thickness_m"), [("glass", 0.004), ("plasterboard", 0.0125), ("wood", 0.022), ("hdpe", 0.003)])
-def test_slab_in_air_matches_sionnas_own_reflection(material, thickness_m):
-    frequency, cosine = 77e9, np.linspace(0.02, 1, 50)
-    slab = sionna.ask(sionnas_slab, cosine, complex(permittivity(material, frequency)), thickness_m, SPEED_OF_LIGHT / frequency)
-    both = reflection(rt.Layered([(material, thickness_m)]), cosine, np.array(frequency))
-    assert np.abs(slab - np.stack(both)).max() < 1e-3
 
 
 @pytest.mark.parametrize("finish", ["plaster wall", "board floor", "court floor", "wood panelling", "window", "metal", "concrete"])
@@ -197,14 +176,3 @@ def test_moving_plate_hides_the_wall_behind_it():
     (found,) = backend("sionna", max_bounces=1).paths(rt.Scene([wall, plate]), RADAR, poses.repeated(HERE, 2), {"plate": course})
     assert found.pose.tolist() == [0, 1]
     assert np.round(found.length_m / 2, 6).tolist() == [3.0, 2.0]
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:sionna:UserWarning")
-@pytest.mark.parametrize("room", ["lab", "atrium", "squash_court"])
-def test_default_rays_find_the_paths_of_ten_times_as_many(room):
-    scene, pose = rooms.room(room, detail="furnished"), pose_in(room, 0, 0)[None]
-    few, many = (backend("sionna", rays=rays).paths(scene, RADAR, pose)[0] for rays in (None, 10 * sionna.RAYS))
-    level = 20 * np.log10(np.abs(many.amplitude).mean(axis=1))
-    for i in np.flatnonzero(level > level.max() - 40):
-        assert (np.abs(few.length_m - many.length_m[i]) < 1e-6).any()

@@ -1,6 +1,6 @@
 """`radartwin dashboard` serves MLflow's web pages of our runs on the loopback interface, and ends with all its processes.
 
-Two slow tests open the pages in a real browser and write screenshots to outputs/screenshots of the checkout.
+A slow test opens the pages in a real browser and writes screenshots to outputs/screenshots of the checkout.
 """
 
 from __future__ import annotations
@@ -11,24 +11,20 @@ import re
 import signal
 import socket
 import subprocess
-import sys
-import time
 import urllib.error
 import urllib.request
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import browser
-import numpy as np
 import own_experiment
 import pytest
-from processes import descendants, listening
+from processes import descendants, listening, runs, serving, wait_until
 
 from radartwin.config.study import TrackingConfig
 from radartwin.errors import BackendError
 from radartwin.io.serving import HOST
-from radartwin.plotting import style
 from radartwin.runs.dashboard import USUAL_PORT, dashboard
 from radartwin.runs.tracking import Tracker
 
@@ -38,21 +34,8 @@ pytestmark = pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")
 MATERIALS = ("void", "uniform", "vlm")
 
 
-@contextlib.contextmanager
-def serving(output: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
-    """Run `radartwin dashboard` on the folder. Yields the server's address and the process of the command."""
-    command = [sys.executable, "-m", "radartwin", "dashboard", "--output", str(output)]
-    server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, start_new_session=True)
-    assert server.stdout is not None
-    try:
-        line = next((line for line in server.stdout if "dashboard:" in line), "")
-        found = re.search(r"(http://127\.0\.0\.1:\d+) ", line)
-        assert found, "the server stopped before it answered"
-        yield found[1], server
-    finally:
-        server.terminate()
-        server.wait(30)
-        server.stdout.close()
+def served(output: Path) -> contextlib.AbstractContextManager[tuple[str, subprocess.Popen[str]]]:
+    return serving(output, r"dashboard:.*(http://127\.0\.0\.1:\d+)/start ", "dashboard", "--output", output)
 
 
 def ask(url: str, headers: Mapping[str, str] | None = None, **query: Any) -> str:
@@ -81,10 +64,7 @@ def assert_ends(command: subprocess.Popen[str], number: signal.Signals, port: in
     command.send_signal(number)
     assert command.wait(20) == 0
     assert listening(port) == set()
-    end = time.monotonic() + 10
-    while any(Path(f"/proc/{pid}").exists() and " Z " not in Path(f"/proc/{pid}/stat").read_text() for pid in started):
-        assert time.monotonic() < end, "a process of the server lives on"
-        time.sleep(0.1)
+    wait_until(lambda: not any(map(runs, started)), 10)
 
 
 def test_the_dashboard_shows_the_runs_of_the_output_folder_at_a_free_port_until_ctrl_c(tmp_path: Path) -> None:
@@ -97,15 +77,17 @@ def test_the_dashboard_shows_the_runs_of_the_output_folder_at_a_free_port_until_
             taken.listen()
         with pytest.raises(BackendError, match=f"port {USUAL_PORT} is taken"):
             dashboard(TrackingConfig(), tmp_path, USUAL_PORT)
-        with serving(tmp_path) as (address, command):
+        with served(tmp_path) as (address, command):
             port = int(address.rpartition(":")[2])
             assert port != USUAL_PORT
             assert ask(f"{address}/health") == "OK"
             assert "mlflow" in ask(address).lower()
             assert listening(port) == {"127.0.0.1"}
             # request of a foreign web page whose host name resolves to this machine
-            with pytest.raises(urllib.error.HTTPError, match="403"):
-                ask(address, {"Host": "attacker.example"})
+            for page in (address, f"{address}/start"):
+                with pytest.raises(urllib.error.HTTPError, match="403"):
+                    ask(page, {"Host": "attacker.example"})
+            assert re.search(r"#/experiments/\d+/runs\">environment</a>", ask(f"{address}/start"))
             (run,) = runs_of(address)
             assert [(m["key"], m["value"]) for m in run["data"]["metrics"]] == [("correlation_2m", 0.42)]
             assert_ends(command, signal.SIGINT, port)
@@ -115,44 +97,8 @@ def test_the_dashboard_shows_the_runs_of_the_output_folder_at_a_free_port_until_
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_other_signals_end_the_server_too(tmp_path: Path, number: signal.Signals) -> None:
     Tracker(TrackingConfig(), tmp_path).prepare()
-    with serving(tmp_path) as (address, command):
+    with served(tmp_path) as (address, command):
         assert_ends(command, number, int(address.rpartition(":")[2]))
-
-
-def record(tracker: Tracker, number: int, artifacts: Path, table: str = "environment") -> str:
-    """Track a run in the same way as the runner, with parameters, metrics, a table, input data and pictures."""
-    source = MATERIALS[number % len(MATERIALS)]
-    params = {"profile": "quick", "materials": source, "seed": str(number)}
-    with tracker.run(table, f"{number:032x}", f"{source}, seed {number}", params, "Does the room matter?") as run:
-        run.metrics = {"correlation_2m": 0.1 * (number % 10), "correlation_1m": 0.5, "samples": 3.0, "angle": 1.0}
-        run.artifacts = [artifacts, artifacts.with_name("table.csv")]
-        run.inputs = {"campaign": [f"{number % 3:032x}"]}
-    return run.run_id
-
-
-@pytest.fixture(scope="module")
-def figures(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder that contains a few figures, with a table beside it."""
-    folder = tmp_path_factory.mktemp("product") / "figures"
-    figure, axes = style.figure()
-    axes.plot(np.linspace(0, 1, 50), np.linspace(0, 1, 50) ** 2)
-    style.save(figure, folder / "curve")
-    folder.with_name("table.csv").write_text("distance_m,metric,value,verdict\n2.0,correlation,0.1,holds\n")
-    return folder
-
-
-@pytest.fixture(scope="module")
-def sweep(tmp_path_factory: pytest.TempPathFactory, figures: Path) -> tuple[Path, str, list[str]]:
-    """Return an output folder with a sweep of three runs, the id of the sweep's parent run, and the ids of the three runs."""
-    output = tmp_path_factory.mktemp("output")
-    tracker = Tracker(TrackingConfig(), output)
-    parent = tracker.sweep("environment", f"materials={','.join(MATERIALS)}", "1" * 32)
-    assert parent is not None
-    table = figures.parent / "jobs.csv"
-    table.write_text("job,status\nmaterials=void,done\n")
-    runs = [record(Tracker(TrackingConfig(parent_run_id=parent), output), number, figures) for number in range(3)]
-    tracker.end_sweep(parent, "FINISHED", table)
-    return output, parent, runs
 
 
 def visit(page: browser.Page, url: str, *words: str, seconds: float = 150) -> None:
@@ -160,34 +106,37 @@ def visit(page: browser.Page, url: str, *words: str, seconds: float = 150) -> No
     page.call("Emulation.setDeviceMetricsOverride", width=1500, height=950, deviceScaleFactor=1, mobile=False)
     page.call("Page.navigate", url="about:blank")  # another fragment of the same page would not load anew
     page.call("Page.navigate", url=url)
-    shown = " && ".join(f"document.body.innerText.includes({json.dumps(word)})" for word in words)
-    page.until(f"document.body !== null && {shown}", seconds)
+    page.until(f"document.body !== null && {_shows(words)}", seconds)
+
+
+def _shows(words: Sequence[str]) -> str:
+    return " && ".join(f"document.body.innerText.includes({json.dumps(word)})" for word in words)
 
 
 @pytest.mark.slow
-def test_pages_show_experiments_a_run_with_its_picture_and_the_jobs_of_a_sweep(chromium, sweep) -> None:
-    output, parent, runs = sweep
-    with serving(output) as (address, _):
-        page, number = chromium(), experiment_id(address)
-        visit(page, f"{address}/#/experiments", "environment")
-        page.screenshot("experiments")
-        visit(page, f"{address}/#/experiments/{number}/runs", "4 matching runs", f"materials={','.join(MATERIALS)}")
-        page.screenshot("runs")
-        visit(page, f"{address}/#/experiments/{number}/runs/{runs[1]}", "correlation_2m", "materials", "run_key")
-        page.screenshot("run")
-        visit(page, f"{address}/#/experiments/{number}/runs/{runs[1]}/artifacts/figures/curve.png", "curve.png")
-        page.until("[...document.images].some(i => i.complete && i.naturalWidth > 200 && !i.src.startsWith('data:image/svg'))", 60)
-        page.settle()
-        shown = page.screenshot("run-picture")
-        assert len(np.unique(shown.reshape(-1, 3), axis=0)) > 200, "the picture's lines and texts have many shades"
-        visit(page, f"{address}/#/experiments/{number}/runs/{runs[1]}/artifacts/table.csv", "verdict", "holds")
-        page.screenshot("run-table")
-        visit(page, f"{address}/#/experiments/{number}/runs/{parent}", "Compare its 3 latest jobs")
-        page.screenshot("sweep")
-        link = page.run("[...document.links].find(link => link.innerText.startsWith('Compare its')).href")
-        visit(page, link, "Comparing 3 Runs", "correlation_2m")
-        page.until("document.querySelector('.js-plotly-plot svg') !== null", 150)
-        page.screenshot("comparison")
+def test_the_start_page_opens_the_runs_of_a_sweep_in_a_new_browser(chromium, tmp_path: Path) -> None:
+    tracker = Tracker(TrackingConfig(), tmp_path)
+    parent = tracker.sweep("environment", f"materials={','.join(MATERIALS)}", "1" * 32)
+    for number, source in enumerate(MATERIALS):
+        params = {"profile": "quick", "materials": source, "seed": str(number)}
+        job = Tracker(TrackingConfig(parent_run_id=parent), tmp_path)
+        with job.run("environment", f"{number:032x}", f"{source}, seed {number}", params, "Does the room matter?") as run:
+            run.metrics = {"correlation_2m": 0.1 * number, "correlation_1m": 0.5, "samples": 3.0, "angle": 1.0}
+    tracker.end_sweep(parent, "FINISHED")
+    with served(tmp_path) as (address, _):
+        page = chromium()
+        visit(page, f"{address}/start", "environment", "Does the room matter?", "materials, seed, correlation_2m, correlation_1m, samples")
+        page.screenshot("start")
+        page.click("a[href$='/runs']")
+        page.until(_shows(("4 matching runs", *(f"{source}, seed {number} 00000000" for number, source in enumerate(MATERIALS)))), 150)
+        page.screenshot("start-runs")
+        text = page.run("document.body.innerText")
+        heads = ["Run Name", "Created", "Parameters", "Metrics", "Duration", "materials", "seed"]
+        assert [line for line in text.splitlines() if line in heads] == heads
+        for column, shown in {"correlation_2m": True, "samples": True, "angle": False, "profile": False, "Source": False}.items():
+            assert (f"\n{column}\n" in text) is shown, column
+        assert page.run("document.querySelector('[data-assistant-ui] textarea') === null"), "the assistant is closed"
+        assert page.run("localStorage.getItem('mlflow.workflowType_v1')") == '"machine_learning"'
 
 
 @pytest.mark.slow
@@ -195,7 +144,7 @@ def test_a_tracking_server_holds_a_sweep_of_another_folder(inside, here: Path, m
     """On a cluster, the jobs reach MLflow's store and its artifacts only over HTTP; the test reproduces this situation."""
     arguments, own = own_experiment.write(here / "mine")
     Tracker(TrackingConfig(), here / "served").prepare()
-    with serving(here / "served") as (address, _):
+    with served(here / "served") as (address, _):
         monkeypatch.setenv("OWN_EXPERIMENT", own["OWN_EXPERIMENT"])
         done = inside(*arguments, "-m", "seed=0,1", "--output", here / "out", f"tracking.uri={address}")
         assert "sweep: 2 done" in done.stdout, done.stderr

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,21 +14,25 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from live_page import HEIGHT, answers, drag_radar_left, open_page, pixel, serving
-from processes import descendants, listening, runs, wait_until
+from processes import descendants, listening, runs, serving, wait_until
+from scipy.spatial.transform import Rotation
 
 import radartwin as rt
 from radartwin.builders.scene import build_target
 from radartwin.config.scene import RoomScene
-from radartwin.live.playback import Playback
-from radartwin.live.serve import Live, running
-from radartwin.live.tracing import LiveAnswer
-from radartwin.radar.recording import Recording
+from radartwin.live.serve import running
 from radartwin.scene import objects, rooms
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import pose
 
 HOST = "127.0.0.1"
+WIDTH, HEIGHT = 1500, 950
+
+
+def served(folder: Path, scene: str | Path) -> contextlib.AbstractContextManager[tuple[str, subprocess.Popen[str]]]:
+    """Run the live page of a scene. The result yields the port of the page and the process of the command."""
+    words = ("view", scene, "--live", "--port", "0")
+    return serving(folder, r"^live: http://127\.0\.0\.1:(\d+)$", *words, PYTHONWARNINGS="error::DeprecationWarning:radartwin")
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +55,8 @@ def handshake(port: int, origin: str) -> str:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, *(pytest.param(n, marks=pytest.mark.slow) for n in (signal.SIGTERM, signal.SIGHUP))])
 def test_the_page_is_served_on_this_machine_only_until_a_signal_ends_it(plate_scene: Path, tmp_path: Path, number: signal.Signals) -> None:
-    with serving(tmp_path, plate_scene) as (port, process):
+    with served(tmp_path, plate_scene) as (found, process):
+        port = int(found)
         assert listening(port) == {HOST}
         assert handshake(port, f"http://{HOST}:{port}").split()[1] == "101"
         # a page of another site, whose scripts may open web sockets to this machine
@@ -67,11 +72,11 @@ def test_the_page_is_served_on_this_machine_only_until_a_signal_ends_it(plate_sc
 
 @pytest.mark.slow
 def test_a_signal_ends_the_page_during_a_search(tmp_path: Path) -> None:
-    with serving(tmp_path, "lab") as (port, process):
+    with served(tmp_path, "lab") as (port, process):
         wait_until(lambda: len(searching(process.pid)) > 1, 200)  # the search and the threads that it starts
         process.send_signal(signal.SIGTERM)
         assert process.wait(5) == 0
-        assert listening(port) == set()
+        assert listening(int(port)) == set()
 
 
 def searching(pid: int) -> list[int]:
@@ -118,101 +123,38 @@ def test_bad_input_gives_one_line_and_status_2(inside, plate_scene: Path, tmp_pa
     assert done.stderr == "radartwin: view --live needs viser: pip install 'radartwin[live]'\n"
 
 
-@pytest.fixture(scope="module")
-def live() -> Iterator[Live]:
-    """Run the live page of the laboratory with a corner reflector 2 m before the radar, in this process."""
+def pixel(camera: Any, point: np.ndarray) -> tuple[float, float]:
+    """Return the place of a point (3,) in the window. The camera looks along its own z axis, with x to the right and y down."""
+    rotation = Rotation.from_quat(np.asarray(camera.wxyz), scalar_first=True).as_matrix()
+    x, y, z = rotation.T @ (np.asarray(point) - np.asarray(camera.position))
+    focal = camera.image_height / 2 / np.tan(camera.fov / 2)
+    return float(camera.image_width / 2 + focal * x / z), float(camera.image_height / 2 + focal * y / z)
+
+
+@pytest.mark.slow
+def test_the_page_shows_the_room_the_answer_and_a_clicked_path(chromium) -> None:
+    """The page shows the laboratory with a corner reflector 2 m before the radar."""
     start = rooms.lab_bench().sensor_pose
     target = (s.moved(pose(start[:3, 3] + 2.0 * start[:3, 0])) for s in build_target(RoomScene()))
-    with running(rooms.lab() + Scene(target), rt.Radar.iwr1843(), start, 0) as page:
-        yield page
-        assert not page.crash
-
-
-@pytest.fixture(scope="module")
-def opened(chromium, live: Live) -> tuple[Any, Any]:
-    """Return the browser tab in which the page is open, and the camera of the tab."""
-    page = chromium()
-    open_page(page, live.port)
-    wait_until(lambda: live.server.get_clients(), 30)
-    return page, next(iter(live.server.get_clients().values())).camera
-
-
-def answer(live: Live) -> LiveAnswer:
-    """Return the newest answer of the page."""
-    newest = live.page.answer
-    assert newest is not None
-    return newest
-
-
-def complete(page: Any) -> None:
-    page.until("/answer \\d+: complete/.test(document.body.innerText)", 200)
-
-
-@pytest.mark.slow
-def test_the_page_shows_the_room_the_answer_and_a_clicked_path(opened, live: Live) -> None:
-    page, camera = opened
-    complete(page)
-    assert page.run("document.querySelector('.uplot') !== null")
-    text = page.run("document.body.innerText")
-    for words in ("plasterboard", "floorboard 8 mm on concrete", "0 dB is -55 dB"):
-        assert words in text
-    page.screenshot("live-start")
-    strongest = answer(live).paths[0]  # of the reflector; the click may also meet a path of the room behind it
-    x, y = pixel(camera, 0.5 * strongest.points[0] + 0.5 * strongest.points[1])
-    page.click_at(x + 5, y - 5)
-    page.until("/received over transmitted power\\s+range\\s+[25]\\.0/.test(document.body.innerText)", 20)
-    assert page.run("document.querySelector('.uplot').getBoundingClientRect().top") > 0, "the profile stays in view"
-    assert page.run("[...document.querySelectorAll('th')].find(h => h.innerText === 'surfaces').getBoundingClientRect().bottom") < HEIGHT
-    page.screenshot("live-path")
-    live.page.choose(0)
-    page.until("/surfaces\\s+target/.test(document.body.innerText)", 20)
-    live.page.choose(None)
-    first = camera.position.copy()
-    camera.position = first + np.array([1.0, 0.0, 0.0])
-    page.run("[...document.querySelectorAll('button')].find(button => button.innerText === 'show the first view').click()")
-    wait_until(lambda: np.allclose(camera.position, first, atol=1e-3), 20)
-    assert not [line for line in page.messages if line.startswith("exception")]
-
-
-@pytest.mark.slow
-def test_a_drag_moves_the_radar_and_its_echo(opened, live: Live) -> None:
-    page, camera = opened
-    complete(page)
-    before, number = live.page.setting.radar_pose[:3, 3], answers(page)
-    drag_radar_left(page, camera, before, 0.6)
-    page.until(f"Number(/answer (\\d+): /.exec(document.body.innerText)[1]) > {number}", 60)
-    wait_until(lambda: answer(live).setting.radar_pose[1, 3] == live.page.setting.radar_pose[1, 3], 60)
-    after = live.page.setting.radar_pose[:3, 3]
-    # a drag of the arrow moves along the arrow only; software rendering and rounding to pixels cost some centimetres
-    assert after[1] - before[1] == pytest.approx(0.6, abs=0.1)
-    assert np.allclose(after[[0, 2]], before[[0, 2]], atol=1e-6)
-    newest = answer(live)
-    away = np.linalg.norm(np.array([3.0, 0.0, 1.0]) - after)
-    echo = next(p for p in newest.paths if p.owner == "target")
-    assert echo.range_m == pytest.approx(away, abs=0.02)  # the apex of the reflector is its phase centre
-    complete(page)
-    page.screenshot("live-radar-moved")
-
-
-@pytest.mark.slow
-def test_a_recording_is_played_beside_the_simulation(chromium, plate_scene: Path, tmp_path: Path) -> None:
-    """The recorded radar moves towards the plate. The page plays the frames, and both profiles have their maximum at the plate."""
-    x = np.linspace(0.0, 0.5, 6)
-    poses = np.stack([pose(np.array([at, 0.0, 1.0])) for at in x])
-    radar = rt.Radar.iwr1843()
-    plate = Scene.load(plate_scene)
-    rt.simulate(plate, radar, sensor_poses=poses).save(tmp_path / "drive")
-    playback = Playback(Recording.load(tmp_path / "drive"), "drive")
-    with running(plate, radar, poses[0], 0, playback) as live:
+    with running(rooms.lab() + Scene(target), rt.Radar.iwr1843(), start, 0) as live:
         page = chromium()
-        open_page(page, live.port)
-        page.until("/drive, frame 0 of 6/.test(document.body.innerText)", 30)
-        page.run("[...document.querySelectorAll('label')].find(label => label.textContent.trim() === 'play').click()")
-        page.until("/drive, frame 5 of 6, .* s; radar at the recorded pose/.test(document.body.innerText)", 30)
-        wait_until(lambda: np.allclose(answer(live).setting.radar_pose, poses[5]), 60)
-        page.screenshot("live-recording")
-        measured, simulated = playback.spectra(5), answer(live).spectra
-        for spectra in (measured, simulated):
-            assert spectra.range_m[spectra.profile_db.argmax()] == pytest.approx(1.5, abs=radar.range_resolution_m)
-        assert simulated.profile_db.max() == pytest.approx(measured.profile_db.max(), abs=0.1)
+        page.call("Emulation.setDeviceMetricsOverride", width=WIDTH, height=HEIGHT, deviceScaleFactor=1, mobile=False)
+        page.call("Page.navigate", url=f"http://{HOST}:{live.port}/")
+        page.until("document.body !== null && /answer \\d+: complete/.test(document.body.innerText)", 200)
+        page.run("document.querySelectorAll('.mantine-Notification-closeButton').forEach(button => button.click())")
+        camera = next(iter(live.server.get_clients().values())).camera
+        assert page.run("document.querySelector('.uplot') !== null")
+        text = page.run("document.body.innerText")
+        for words in ("plasterboard", "floorboard 8 mm on concrete", "0 dB is -55 dB"):
+            assert words in text
+        page.screenshot("live-start")
+        assert live.page.answer
+        strongest = live.page.answer.paths[0]  # of the reflector; the click may also meet a path of the room behind it
+        x, y = pixel(camera, 0.5 * strongest.points[0] + 0.5 * strongest.points[1])
+        page.click_at(x + 5, y - 5)
+        page.until("/received over transmitted power\\s+range\\s+[25]\\.0/.test(document.body.innerText)", 20)
+        page.screenshot("live-path")
+        live.page.choose(0)
+        page.until("/surfaces\\s+target/.test(document.body.innerText)", 20)
         assert not [line for line in page.messages if line.startswith("exception")]
+        assert not live.crash

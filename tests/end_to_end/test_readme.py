@@ -86,7 +86,7 @@ def followed(page: list[Block], folder: Path, model: ChatServer | None = None) -
             lines = [json.dumps({"id": question["id"], **wooden_answer(question["kind"])}) for question in asked]
             (folder / "answers.jsonl").write_text("\n".join(lines))
         if words[0] == "run" and not any(word.startswith("materials=") for word in words):
-            words = [*words, "materials.missing=plasterboard"]  # the true room of geometry=0 has a surface that the labelled scan lacks
+            words = [*words, "materials=uniform"]  # the sweep has the same run
         more = {"experiment=campaign": CAMPAIGN, "experiment=environment": ["experiment.distances_m=[1.0]"]}
         return [*words, *SMALL.get(words[0], []), *(override for word in words for override in more.get(word, []))]
 

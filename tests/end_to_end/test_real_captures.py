@@ -22,9 +22,6 @@ COLUMNS = ["range_m", "doppler_mps", "azimuth_deg", "power_db"]
 
 def _check_folder(folder, table):
     assert {p.name for p in folder.iterdir()} == PICTURES | {"peaks.csv", "points.npz"}
-    for name in PICTURES:
-        assert (folder / name).read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
-        assert (folder / name).stat().st_size > 10_000
     written = pd.read_csv(folder / "peaks.csv")
     assert list(written.columns) == COLUMNS
     np.testing.assert_allclose(written, table, rtol=1e-5, atol=1e-9)

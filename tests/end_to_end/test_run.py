@@ -17,50 +17,16 @@ from processes import descendants, runs, started, wait_until
 # SQLAlchemy warns about a loader that mlflow uses.
 pytestmark = pytest.mark.filterwarnings("ignore:The .*noload.* loader strategy")
 
-EXPERIMENT = """
-import numpy as np
-
-from radartwin.plotting import style
-from radartwin.errors import MissingError
-from radartwin.runs.experiment import Result
-from radartwin.store.products import save_arrays
-
-
-def run(config, store, progress):
-    if config.seed == 13:
-        raise RuntimeError("the solver broke")
-    if config.seed == 14:
-        raise KeyboardInterrupt
-    if config.materials.source == "vlm":
-        raise MissingError("materials=vlm has no recorded answers")
-    spec = {"materials": config.materials}
-    product = store.fetch("recording", spec, ["radartwin.constants"], lambda f: save_arrays(f, {"iq": np.ones(3)}))
-    row = {
-        "distance_m": 1.0, "run_keys": product.key, "metric": "correlation", "paper": "0.42", "value": 0.4,
-        "low": 0.1, "high": 0.9, "n": 3, "domain": "testbed", "verdict": "holds",
-    }
-    return Result("mine", [row], {"curve": draw}, {"correlation_1m": row["value"]}, [product.key])
-
-
-def draw():
-    figure, axes = style.figure()
-    axes.plot([0, 1], [1, 0])
-    return figure
-"""
-
-
-OUTPUT = "out[B]=x,y\\ ${z}'"
+CONF, OUTPUT = "my [conf],x=1", "out[B]=x,y\\ ${z}'"
 SECRET = "s3cr3t-w0rd-of-the-test"
 
 
 @pytest.fixture
-def own(here: Path) -> list[str]:
+def own(here: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Return arguments that run a user's experiment. The names of its folders contain characters that have a meaning in Hydra overrides."""
-    folder = here / "my [conf],x=1"
-    (folder / "experiment").mkdir(parents=True)
-    (folder / "experiment" / "mine.yaml").write_text(own_experiment.YAML)
-    (folder / "my_experiment.py").write_text(EXPERIMENT)
-    return ["run", "experiment=mine", "--config-dir", folder.name, "--output", str(here / OUTPUT)]
+    arguments, environment = own_experiment.write(here / CONF)
+    monkeypatch.setenv("OWN_EXPERIMENT", environment["OWN_EXPERIMENT"])
+    return [*arguments[:-1], CONF, "--output", str(here / OUTPUT)]
 
 
 def query(folder: Path, statement: str) -> list[tuple]:
@@ -69,41 +35,45 @@ def query(folder: Path, statement: str) -> list[tuple]:
 
 
 def test_a_run_is_computed_once_and_tracked_once(inside, own: list[str], here: Path) -> None:
-    first = inside(*own, "tracking=off")
+    (here / CONF / "DRAW").touch()
+    first = inside(*own, "seed=4", "tracking=off")
     assert "simulated 1, reused 0, scored 1" in first.stdout, first.stderr
     for _ in range(2):
-        assert "simulated 0, reused 1, scored 0" in inside(*own).stdout
+        assert "simulated 0, reused 1, scored 0" in inside(*own, "seed=4").stdout
     (result,) = (here / OUTPUT / "cache" / "run").glob("*/result.json")
-    assert json.loads(result.read_text())["rows"][0]["value"] == 0.4
+    assert json.loads(result.read_text())["rows"][0]["value"] == 0.004
     (line,) = [line for line in first.stdout.splitlines() if line.startswith("table: ")]
-    assert ",0.4," in Path(line.removeprefix("table: ")).read_text()
+    assert ",0.004," in Path(line.removeprefix("table: ")).read_text()
     assert {p.name for p in (result.parent / "figures").iterdir()} == {"curve.png", "curve.pdf"}
     assert list((here / OUTPUT).rglob("*.tmp")) == []
-    assert query(here, "SELECT status, key, value FROM runs JOIN metrics USING (run_uuid)") == [("FINISHED", "correlation_1m", 0.4)]
+    (stored,) = query(here, "SELECT status, value FROM runs JOIN metrics USING (run_uuid) WHERE key = 'correlation'")
+    assert stored == ("FINISHED", 0.004)
     (product,) = (here / OUTPUT / "cache" / "recording").iterdir()
     assert query(here, "SELECT name, digest FROM datasets") == [("recording", product.name)]
     (table,) = (here / OUTPUT / "mlflow-artifacts").rglob("table.csv")
-    assert f"1.0,{product.name},correlation,0.42,0.4,0.1,0.9,3,testbed,holds" in table.read_text()
+    assert f"{product.name},correlation,0.42,0.004,0.0,1.0,3,testbed,holds" in table.read_text()
 
 
 def test_a_sweep_survives_a_refused_and_a_failed_job_and_resumes(inside, own: list[str], here: Path) -> None:
-    swept = inside(*own, "-m", "materials=vlm,uniform,void")
+    for name in ("REFUSE_1", "BREAK_13"):
+        (here / CONF / name).touch()
+    swept = inside(*own, "-m", "seed=1,2,3")
     assert swept.returncode == 2
-    assert "refused  materials=vlm: materials=vlm has no recorded answers" in swept.stdout
-    assert "done     materials=uniform" in swept.stdout
+    assert "refused  seed=1: there are no recorded answers" in swept.stdout
+    assert "done     seed=2" in swept.stdout
     assert "sweep: 2 done, 0 cached, 0 failed, 1 refused" in swept.stdout
     assert "Traceback" not in swept.stderr
-    again = inside(*own, "-m", "materials=uniform,void", "seed=0,13")
+    again = inside(*own, "-m", "materials=uniform,void", "seed=2,13")
     assert again.returncode == 1
-    assert "sweep: 0 done, 2 cached, 2 failed, 0 refused" in again.stdout
-    assert "materials=void,seed=0: run" in again.stdout
+    assert "sweep: 1 done, 1 cached, 2 failed, 0 refused" in again.stdout
     assert "the solver broke" in again.stderr
     children = query(here, "SELECT count(*) FROM tags WHERE key = 'mlflow.parentRunId' AND value IN (SELECT run_uuid FROM runs)")
-    assert children == [(5,)], "three jobs of the first sweep and the two failed ones of the second"
-    assert {path.name for path in here.iterdir()} == {"my [conf],x=1", OUTPUT}
+    assert children == [(6,)], "three jobs of the first sweep, and the new one and the two failed ones of the second"
+    assert {path.name for path in here.iterdir()} == {CONF, OUTPUT}
 
 
 def test_an_interrupted_sweep_is_recorded_as_killed(inside, own: list[str], here: Path) -> None:
+    (here / CONF / "STOP_14").touch()
     done = inside(*own, "-m", "seed=14,15")
     assert done.returncode == 130
     assert done.stderr.splitlines()[-1].startswith("radartwin: interrupted")
@@ -144,6 +114,7 @@ def test_a_closed_terminal_ends_a_run_and_its_workers_as_ctrl_c_does(own: list[s
 
 
 def test_a_sweep_writes_no_secret_of_the_environment(inside, own: list[str], here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (here / CONF / "BREAK_13").touch()
     for name in ("RADARTWIN_VLM_KEY", "MLFLOW_TRACKING_USERNAME", "MLFLOW_TRACKING_PASSWORD"):
         monkeypatch.setenv(name, SECRET)
     done = inside(*own, "-m", "seed=0,13")

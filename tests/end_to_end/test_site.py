@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import runpy
-import subprocess
 import sys
 from pathlib import Path
 
@@ -25,11 +24,6 @@ def builder() -> dict:
         sys.path[:] = before
 
 
-@pytest.fixture(scope="module")
-def formulas() -> dict:
-    return runpy.run_path(str(SITE / "formulas.py"))
-
-
 def test_every_page_of_the_documents_is_placed_and_its_formulas_are_drawn(builder, tmp_path: Path) -> None:
     builder["write_pages"](tmp_path, ("radartwin",), execute=False)
     for page in (ROOT / "docs").rglob("*.md"):
@@ -38,28 +32,6 @@ def test_every_page_of_the_documents_is_placed_and_its_formulas_are_drawn(builde
     assert "$" not in (tmp_path / "concepts.md").read_text(), "each formula is a picture"
     assert len(list((tmp_path / "formulas").glob("*.svg"))) > 100
     assert "decisions/index.md" in (tmp_path / "index.md").read_text(), "a link to a folder leads to its list"
-
-
-def test_a_wrong_folder_of_the_site_is_one_line(tmp_path: Path) -> None:
-    (tmp_path / "page.md").write_text("kept")
-    command = [sys.executable, str(SITE / "build_site.py"), "--out", str(tmp_path), "--no-execution"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (1, "", 1)
-    assert "holds files and no earlier site" in done.stderr
-    assert (tmp_path / "page.md").read_text() == "kept"
-
-
-def test_formulas_outside_code_become_pictures(formulas, tmp_path: Path) -> None:
-    text = "Speed $c_0$ and `$HOME`, 3 $ and 4 $.\n\n```sh\necho $A $B\n```\n\n```math\na = \\frac12 b\n```\n"
-    out = formulas["with_pictures"](text, tmp_path, "pictures")
-    assert out.count("<img") == len(list(tmp_path.iterdir())) == 2
-    for kept in ("`$HOME`", "3 $ and 4 $.", "echo $A $B"):
-        assert kept in out
-    with pytest.raises(ValueError, match="cannot be drawn"):
-        formulas["draw"](r"\\nosuchcommand{x}")
-    (_, depth, height), (_, letter_depth, letter_height) = formulas["draw"](r"\frac1{2\pi}"), formulas["draw"]("x")
-    assert height > 1.5 * letter_height, "a fraction is taller than a letter"
-    assert depth > letter_depth, "a fraction hangs below the line"
 
 
 # MkDocs, its plugins and the notebook's kernel warn of their own deprecations.
@@ -93,11 +65,6 @@ def test_the_site_works_from_the_disk(builder, chromium, tmp_path: Path) -> None
     assert "concepts.html" in tab.run("[...document.querySelectorAll('.md-search-result__item a')].map(a => a.href).join()")
     tab.settle()
     tab.screenshot("site_search")
-
-
-def test_a_link_to_no_page_is_an_error(builder) -> None:
-    with pytest.raises(ValueError, match=r"README.md: the link absent.md leads to no page"):
-        builder["_link"]("absent.md", ROOT / "README.md", {ROOT / "README.md": Path("readme.md")})
 
 
 def test_only_an_earlier_site_or_an_empty_folder_is_overwritten(builder, tmp_path: Path) -> None:

@@ -11,14 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.scans.accuracy import accuracy
 from experiments.scans.scan import FEWEST, TARGETS, case_rows, scores
 from experiments.scans.virtual_scan import SHIPPED_SEED, SHIPPED_STRENGTH, scanned, shipped_file, unpack
 from experiments.speed.bench import reconstruction
-from radartwin.reconstruct.fusion.fusion import fuse
-from radartwin.scene import rooms
 from radartwin.scene.scene import Scene
-from radartwin.testbed.scanner import scan
 
 pytestmark = pytest.mark.slow
 # (room, strength) -> lowest accepted recall and precision, a little below the values of seed 0. Other metrics use the limits of the table.
@@ -96,12 +92,3 @@ def test_half_a_million_triangles_need_less_than_four_gigabytes():
     assert cost["faces"] >= 500_000
     assert cost["peak_gib"] < 4.0
     assert cost["core_seconds"] < 120  # limit in core seconds; two cores need 60 s
-
-
-def test_drift_correction_halves_the_error():
-    """The same virtual scan is reconstructed with and without drift correction; the correction must halve the geometric error."""
-    scene = rooms.lab()
-    frames, truth = scan(scene, seed=1, colour_every=0)
-    refined, rough = (accuracy(fuse(frames, refine=refine)[0], scene, truth, frames) for refine in (True, False))
-    assert refined.median_m < 0.5 * rough.median_m
-    assert refined.p95_m < 0.5 * rough.p95_m

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -17,11 +16,9 @@ from experiments.campaign import packed, table, tally, truth, twin
 from experiments.campaign.campaign import Campaign, load_clean
 from experiments.campaign.cases import Case, log
 from experiments.campaign.turned import Turned
-from experiments.scans import virtual_scan
 from radartwin.builders.radar import build_radar
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
-from radartwin.config.materials import UniformMaterials
 from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
@@ -112,25 +109,6 @@ def test_a_second_run_simulates_nothing(
     assert "0 of them to be simulated" in capsys.readouterr().err
     for row, other in zip(rows, again, strict=True):
         assert (other["metric"], other["value"]) == (row["metric"], row["value"])  # the table reports the stored times again
-
-
-@pytest.mark.parametrize(("strength", "added"), [(1.0, [0, 0.0]), (2.0, [1, 3.0])], ids=["shipped", "scanned"])
-def test_a_scan_is_added_to_the_first_recording_of_its_room(
-    config: Config, store: Store, first_run: object, strength: float, added: list[float]
-) -> None:
-    void, progress = config, Progress(quiet=True)
-    gap = replace(config.measured.gap, geometry=strength)
-    config = replace(config, materials=UniformMaterials(), measured=replace(config.measured, gap=gap))
-    campaign = Campaign(config, store, progress)
-    before = table.make(campaign, progress)
-    spec = virtual_scan.specification(config, "lab", strength)
-    scan = store.fetch(virtual_scan.KIND, spec, virtual_scan.ROOTS, lambda folder: None)
-    later = scan.read_json("meta") | {"finished": "2100-01-01T00:00:00+00:00", "seconds": 3.0}
-    (scan.path / "meta.json").write_text(json.dumps(later))
-    alone, scanned = (made.loc[made.domain == "twin", ["set_ups", "clean_s"]] for made in (before, table.make(campaign, progress)))
-    assert (scanned - alone).round(2).to_numpy().tolist() == [added, *[[0, 0.0]] * (len(alone) - 1)]
-    without = table.make(Campaign(void, store, progress), progress)
-    assert without.set_ups[without.domain == "twin"].equals(alone.set_ups)  # without a simulated room, there is no scan
 
 
 def test_the_papers_campaign_is_extrapolated_from_set_ups_states_and_frames() -> None:

@@ -19,7 +19,6 @@ from experiments.turntable import environment
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.errors import InputError, UserError
-from radartwin.features.envelope import frames_per_revolution
 from radartwin.io.progress import Progress
 from radartwin.radar.recording import Recording
 from radartwin.recordings.examine import examine
@@ -248,15 +247,6 @@ def turning(folder: Path, tmp_path: Path, rate_hz: float, period_s: str) -> Camp
         return [(replace(row, extra={"period_s": period_s}), 5)] if (row.motion, row.repetition) == ("turntable", 0) else []
 
     return remade(folder, tmp_path, rate_hz, chosen)
-
-
-@pytest.mark.parametrize(("rate_hz", "period_s", "frames"), [(10.0, "10.25", 103), (10.0, "25", 250), (20.0, "0.5", 10)])
-def test_the_twins_revolution_fits_the_features(folder: Path, tmp_path: Path, rate_hz: float, period_s: str, frames: int) -> None:
-    campaign = turning(folder, tmp_path, rate_hz, period_s)
-    angle = campaign.log(campaign.cases("twin")[0], "twin").angle_rad
-    assert angle is not None
-    assert len(angle) == frames_per_revolution(angle)
-    assert len(angle) == pytest.approx(frames, abs=1)
 
 
 @pytest.mark.parametrize("period_s", ["25,0", "0", "nan"])

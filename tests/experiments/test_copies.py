@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fake_campaign import STILL
 
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import TWIN
@@ -51,8 +52,7 @@ def test_drawn_targets_are_simulated_once(config: Config, campaign: Campaign) ->
 
 
 def test_no_call_simulates_a_target_that_nothing_moves(config: Config) -> None:
-    kept = [f"supervision.randomise.{name}=0" for name in ("wobble", "eccentricity", "start", "speed", "distance", "wall", "mesh")]
-    assert copies.calls(compose(["experiment=labelled_probe", *kept, f"output={config.output}"])) == []
+    assert copies.calls(compose(["experiment=labelled_probe", *STILL, f"output={config.output}"])) == []
 
 
 def test_the_exchange_takes_the_target_out_of_the_recording(config: Config, campaign: Campaign) -> None:

@@ -14,32 +14,21 @@ from fake_campaign import FakeCampaign, config, draw_all, find
 
 from experiments.campaign import frame
 from experiments.campaign.campaign import Campaign
-from experiments.campaign.cases import Case
 from experiments.campaign.columns import AVERAGES
 from experiments.turntable import environment, operating_points
 from experiments.turntable.operating_points import LEGS_M, Condition, Point
 from experiments.verdicts import RowList
-from radartwin.features.log import Nominal
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import Result, check_rows
 from radartwin.scene.objects.assortment import every_object
 from radartwin.scene.objects.catalogue import OTHER_LEGS_M, entry
-from radartwin.store.products import Store
 
 COUNT = "operating points with the paper's figures"
 
 
-class Marked(FakeCampaign):
-    """A synthetic campaign whose target is exactly at the distance of its case."""
-
-    def log(self, case: Case, domain: str = "measured") -> Nominal:
-        log = super().log(case, domain)
-        return Nominal(log.frame_rate_hz, np.full(len(log.distance_m), case.distance_m), log.angle_rad)
-
-
 def sources(*distances: float) -> dict[str, Campaign]:
     """Return the campaign of each side of the table."""
-    usual: Any = Marked(distances=distances)
+    usual: Any = FakeCampaign(distances=distances, offset_m=0.0)
     return environment.sources(usual)
 
 
@@ -49,7 +38,7 @@ quiet = partial(frame.read, progress=Progress(quiet=True))
 @pytest.fixture(scope="module")
 def points() -> list[Point]:
     settings = config("environment")
-    profiles = quiet(Marked(distances=(2.0,)), operating_points.wanted(settings))
+    profiles = quiet(FakeCampaign(distances=(2.0,), offset_m=0.0), operating_points.wanted(settings))
     return operating_points.read(settings, dict.fromkeys(operating_points.conditions(settings), profiles))
 
 
@@ -181,19 +170,3 @@ def test_reflectors_of_other_sizes_scale_with_their_leg() -> None:
         assert reflector.aim_m == pytest.approx(usual.aim_m * leg / 0.1)
         (mesh, usual_mesh) = (of.surfaces()[0].mesh for of in (reflector, usual))
         assert mesh.vertices == pytest.approx(usual_mesh.vertices * leg / 0.1)
-
-
-def test_the_paper_profile_compares_legs_lobes_and_unscanned_echoes(tmp_path) -> None:
-    paper = config("environment", "profile=paper")
-    assert LEGS_M["paper"] == pytest.approx(np.arange(5, 13) / 100)
-    compared = operating_points.conditions(paper)
-    assert len(compared) == 2 * 5
-    assert {condition.of(paper).measured.gap.antenna for condition in compared if not condition.lobes} == {0}
-    assert {condition.of(paper).measured.gap.unscanned_echoes for condition in compared} == {0, 1, 2, 3, 5}
-    store = Store(tmp_path)
-    tasks = environment.recordings(paper, store, Progress(quiet=True)).values()
-    bare = [task for task in tasks if task.config.measured.gap.antenna == 0]
-    assert len(bare) == 80  # neither the simulations nor a condition of the receiver need a recording
-    quick = environment.recordings(config("environment"), store, Progress(quiet=True)).values()
-    planned = set(Campaign(config("environment"), store, Progress(quiet=True)).cases("measured"))
-    assert sum(task.domain == "measured" and task.case not in planned for task in quick) == 3

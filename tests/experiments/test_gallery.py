@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -16,7 +13,6 @@ from radartwin.config.compose import compose
 from radartwin.config.study import CampaignConfig
 from radartwin.errors import ConfigError
 from radartwin.features.processed import Processed, process
-from radartwin.plotting import style
 from radartwin.radar.chirp import Radar
 from radartwin.radar.recording import Recording
 
@@ -64,33 +60,6 @@ def test_the_maps_peak_at_the_logged_target(motion: Motion) -> None:
             assert view.across[panel][place] == 0  # at a turning point of the motion, the Doppler shift is zero
 
 
-def test_the_diagonal_recedes_to_the_left() -> None:
-    course = log(Case("corner_reflector", "lab", "diagonal", 1.0), CampaignConfig(), measured=False)
-    azimuth, speed, distance = gallery.course(course, course.frames)
-    assert azimuth[0] == pytest.approx(0, abs=1e-9)
-    assert azimuth[-1] > 0.2
-    assert (speed > 0).all()
-    assert distance[-1] > 1.4
-
-
-def test_both_domains_share_scale_and_marks(tmp_path: Path) -> None:
-    view, _ = seen(Case("corner_reflector", "lab", "turntable", 1.0))
-    faint = gallery.View(view.range_m, view.across, {panel: power / 100 for panel, power in view.maps.items()}, view.truth)
-    drawn = gallery.draw({"measured": view, "twin": faint}, "a point", "testbed")
-    pictures = [axes for axes in drawn.axes if axes.images]
-    assert len(pictures) == 6
-    for column in range(3):
-        above, below = pictures[column], pictures[column + 3]
-        assert above.images[0].get_clim() == below.images[0].get_clim()
-        loudest, fainter = (float(np.ma.asarray(axes.images[0].get_array()).max()) for axes in (above, below))
-        assert loudest - fainter == pytest.approx(20, abs=0.01)
-        assert len(above.lines) == len(below.lines) == 1
-    assert "(testbed)" in pictures[0].get_ylabel()
-    assert "simulated" in pictures[3].get_ylabel()
-    style.save(drawn, tmp_path / "gallery")
-    assert (tmp_path / "gallery.png").stat().st_size > 10_000
-
-
 @pytest.mark.parametrize(
     ("pair", "message"),
     [
@@ -119,10 +88,3 @@ def test_pairs_are_chosen_by_configuration() -> None:
     for profile, pairs in gallery.PAIRS.items():
         named = compose(["experiment=gallery", f"profile={profile}"])
         assert gallery.cases_to_draw(named, cast(Any, None)) == [gallery.parse(pair) for pair in pairs]
-
-
-def test_a_recording_set_shows_its_first_recordings() -> None:
-    there = [Case("mug", "lab", "turntable", distance, repetition) for distance in (0.5, 1.0) for repetition in (0, 1)]
-    made = compose(["experiment=gallery"])
-    made = replace(made, measured=SimpleNamespace(provider="recordings", draw=None))  # type: ignore[arg-type]
-    assert gallery.cases_to_draw(made, cast(Any, SimpleNamespace(cases=lambda domain: there))) == [there[0], there[2]]

@@ -12,9 +12,7 @@ import pytest
 
 from experiments import cells
 from experiments.campaign.cases import Case, Log
-from experiments.gaps import case_set, gaps, predictions
-from experiments.scans import virtual_scan
-from experiments.statistics import Estimate
+from experiments.gaps import case_set, gaps
 from experiments.verdicts import Row
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
@@ -24,7 +22,6 @@ from radartwin.features.processed import MAX_RANGE_M, Processed
 from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
 from radartwin.radar.processing import range_axis, velocity_axis
-from radartwin.scene import rooms
 from radartwin.store.products import Store
 
 RADAR = Radar.iwr1843()
@@ -89,33 +86,6 @@ def test_a_single_gap_leaves_all_others_off() -> None:
     assert set(asdict(case_set.alone(CONFIG).measured.gap).values()) == {0.0}
     with pytest.raises(ConfigError, match="choose geometry"):
         case_set.alone(CONFIG, "weather")
-
-
-def test_a_scan_at_strength_0_is_the_room_without_clutter(tmp_path: Path) -> None:
-    known = virtual_scan.scene_of(virtual_scan.fetch(replace(CONFIG, output=str(tmp_path)), Store(tmp_path), "lab", 0.0))
-    truth = rooms.room("lab", detail="furnished")
-    assert known.names == truth.names
-    for mine, true in zip(known, truth, strict=True):
-        assert mine.material == true.material
-        assert mine.roughness_m == true.roughness_m
-        np.testing.assert_allclose(mine.mesh.bounds, true.mesh.bounds, atol=1e-6)
-
-
-def test_every_gap_has_claims_about_known_features_and_groups() -> None:
-    known = set(case_set.moved(reading(STEADY), reading(STEADY)))
-    for gap in case_set.GAPS:
-        expected = predictions.expected(gap, 1.0)
-        assert expected
-        for group, feature, claim in expected:
-            assert group in case_set.GROUPS
-            assert feature in known or gap == "hardware"
-            assert claim.least == 1
-
-
-def test_a_person_who_lowers_the_level_of_the_room_contradicts_the_claim() -> None:
-    (claim,) = (claim for group, feature, claim in predictions.expected("person", 1.0) if (group, feature) == ("drive", "room level (dB)"))
-    verdicts = [claim.columns(Estimate(level, level, level, 1))["verdict"] for level in (-0.2, 0.2)]
-    assert verdicts == ["contradicted", "supported"]
 
 
 BASE = reading(STEADY)

@@ -6,42 +6,31 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fake_campaign import FakeCampaign, config, draw_all, find, sides_of
+from fake_campaign import STILL, FakeCampaign, config, draw_all, find, sides_of
 
 from experiments.recognition import many_objects
 from experiments.recognition.copies import copies
 from experiments.recognition.labelled_probe import PRETRAINED, RAW, RIVAL
 from experiments.recognition.protocol import scaled
 from experiments.recognition.readings import by_side
-from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.runs.experiment import Result, check_result
 from radartwin.scene.objects.assortment import assortment
 from radartwin.store.products import Store
 
 OBJECTS = [entry.name for kind in ("food can", "mug", "flat bottle", "round bottle") for entry in assortment()[kind][:2]]
-DRAWN = ("wobble", "eccentricity", "start", "speed", "distance", "wall", "mesh")  # a fake campaign has no target that a turntable turns
-
-
-def small() -> Config:
-    off = [f"supervision.randomise.{name}=0" for name in DRAWN]
-    return config("many_objects", "supervision.copies=3", "supervision.seeds=2", "supervision.encoder.epochs=10", *off)
-
-
-def scored(folder: Path, **changed) -> Result:
-    def source(gap: float) -> FakeCampaign:
-        return FakeCampaign(**({"objects": OBJECTS, "frames": 24, "repetitions": 2, "turns": 2, "gap": gap} | changed))
-
-    sides, settings = {PRETRAINED: source(0.1), RIVAL: source(0.5)}, small()
-    frame, store = sides_of(sides), Store(folder / "cache")
-    return many_objects.score(
-        settings, frame, {name: scaled(copies(store, sides, settings, rows)) for name, rows in by_side(frame).items()}
-    )
 
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> Result:
-    return scored(tmp_path_factory.mktemp("many"))
+    def source(gap: float) -> FakeCampaign:
+        return FakeCampaign(objects=OBJECTS, frames=24, repetitions=2, turns=2, gap=gap)
+
+    settings = config("many_objects", "supervision.copies=3", "supervision.seeds=2", "supervision.encoder.epochs=10", *STILL)
+    sides, store = {PRETRAINED: source(0.1), RIVAL: source(0.5)}, Store(tmp_path_factory.mktemp("many"))
+    frame = sides_of(sides)
+    rows = {name: scaled(copies(store, sides, settings, of)) for name, of in by_side(frame).items()}
+    return many_objects.score(settings, frame, rows)
 
 
 def test_the_simulation_of_the_object_itself_recognises_it_and_that_of_another_does_not(result: Result) -> None:

@@ -8,20 +8,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import pandas as pd
 import pytest
 from fake_campaign import FakeCampaign, config, frame_of
 
 from experiments import cells
 from experiments.campaign.frame import Frame
 from experiments.gaps import headline, registration
-from experiments.recognition.protocol import Scored
 from experiments.rover import rover_fidelity
 from experiments.turntable import turntable_material, turntable_shape
-from experiments.verdicts import Claim, Row
 from radartwin.errors import InputError
-from radartwin.recognize.samples import Samples
 
 REGISTERED = {one[registration.TEXT]: one for one in registration.claims()}
 
@@ -116,30 +111,6 @@ def test_the_tables_state_the_claims_as_they_are_registered() -> None:
             _same_rule(headline._row(rows, claim), REGISTERED[claim.text])
             compared += 1
     assert compared == 6
-
-
-def test_recognition_states_the_claims_as_they_are_registered() -> None:
-    objects = np.array(["a", "b", "c", "d"])
-
-    def joined(labels: np.ndarray, answered: bool) -> list[Row]:
-        made = []
-        for draw in range(2):
-            rng = np.random.default_rng(draw)
-            samples = Samples(("x",), np.zeros((4, 1)), objects, objects, np.full(4, "measured"), objects, labels, objects)
-            settings, hits = config("turntable_label_free"), rng.random((3, 4)) > 0.5
-            scored = Scored(settings, samples, pd.DataFrame({"key": ["k"]}), 0.5 if answered else 0.25)
-            if answered:
-                estimates = [scored.accuracy({}, hits, answers=[rng.permutation(labels) for _ in range(3)])]
-            else:
-                estimates = [scored.accuracy({}, hits), scored.gain({}, hits, rng.random((3, 4)) > 0.5, Claim("it helps"))]
-            made.append([cell.row(settings) for cell in estimates])
-        return cells.joined_rows(made)
-
-    share, gain = joined(objects, answered=False)
-    (permuted,) = joined(np.array(["x", "x", "y", "y"]), answered=True)
-    assert (permuted.estimate.test, permuted.estimate.unit) == headline.ON_OBJECTS
-    assert (share.estimate.test, share.estimate.unit) == (gain.estimate.test, gain.estimate.unit) == headline.Headline("", "", "", "").test
-    _same_rule(gain, REGISTERED["training on simulation beats raw features (other recordings)"])
 
 
 def _same_rule(row: Mapping[str, Any] | None, registered: Mapping[str, Any]) -> None:

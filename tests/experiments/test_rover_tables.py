@@ -115,19 +115,6 @@ def test_the_test_of_contrasts_needs_one_sign_and_allows_missing_objects() -> No
     assert rover_fidelity.contrast_test(levels[:, 3:9], np.arange(6) < 3) == 2 / 20
 
 
-def test_a_start_offset_is_removed_before_tracks_are_compared() -> None:
-    time = np.arange(40) / 10
-    pulse = np.exp(-((time - 2.0) ** 2))
-
-    def drive(late: int) -> rover_fidelity.Series:
-        moved = np.roll(pulse, late)
-        return moved, 2 - 0.2 * (time - late / 10) + 0.1 * moved
-
-    first, second = rover_fidelity.aligned(drive(0), drive(4))
-    assert len(first) == len(second) == 36
-    assert second == pytest.approx(first)
-
-
 def test_every_slice_and_factor_has_a_row() -> None:
     frame = frame_of(campaign(gap=2.0, motions=("depth",)), *ROVER)
     result = rover_disentangle.score(config("rover_disentangle", "profile.resamples=50"), frame)

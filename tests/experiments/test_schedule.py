@@ -1,7 +1,6 @@
 """Recordings along the same track stay with one worker, only one worker scans a room, and parts have every recording once."""
 
 import itertools
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,7 +10,6 @@ from experiments.campaign.cases import ROVER, planned
 from experiments.campaign.part import part
 from experiments.campaign.schedule import SECONDS, RecordingTask, Schedule
 from radartwin.config.compose import compose
-from radartwin.config.materials import TrueMaterials
 from radartwin.io.progress import Progress
 from radartwin.store.products import Store
 
@@ -29,16 +27,6 @@ def tasks() -> list[RecordingTask]:
 
 def _track(task: RecordingTask) -> tuple[str, str, str]:
     return task.domain, task.case.room, task.case.motion if task.case.motion in ROVER else "bench"
-
-
-def test_scanned_rooms_come_first_one_for_each_worker(tasks: list[RecordingTask]) -> None:
-    schedule = Schedule([replace(task, config=replace(CONFIG, seed=1)) for task in tasks])
-    first, second, third = (schedule.next_task(worker) for worker in range(3))
-    assert first
-    assert second
-    assert third
-    assert {_track(first)[:2], _track(second)[:2]} == {("twin", "lab"), ("twin", "squash_court")}
-    assert third.domain == "measured", "a third worker would wait for a scan"
 
 
 def test_tracks_of_shipped_rooms_come_by_their_time(tasks: list[RecordingTask]) -> None:
@@ -71,21 +59,6 @@ def test_every_recording_is_made_once_and_a_worker_stays_on_its_track(tasks: lis
     for assigned in given.values():
         followed = [_track(task) for task in assigned]
         assert len(set(followed)) == len(list(itertools.groupby(followed)))
-
-
-def test_two_materials_of_a_room_are_two_tracks_unless_they_share_a_setup(tasks: list[RecordingTask]) -> None:
-    driven = [task for task in tasks if _track(task) == ("twin", "squash_court", "lateral")]
-    other = replace(CONFIG, materials=TrueMaterials())
-    assert other.materials != CONFIG.materials
-    mixed = [replace(task, config=config) for task in driven for config in (CONFIG, other)]
-    schedule = Schedule(mixed)
-    assert len(schedule.tracks) == 2
-    for worker, config in enumerate((CONFIG, other)):
-        assert [schedule.next_task(worker) for _ in driven] == [replace(task, config=config) for task in driven]
-    alike = [replace(task, setup="same") for task in mixed]
-    together = Schedule(alike)
-    assert [together.next_task(0) for _ in alike] == alike
-    assert len(together.tracks) == 1
 
 
 @pytest.mark.parametrize("parts", [1, 7, 100])

@@ -11,11 +11,10 @@ from fake_campaign import FakeCampaign
 
 from experiments.campaign import frame
 from experiments.complexity import sensitivity
-from experiments.complexity.sensitivity import COST, DEFAULT, ERROR, FIDELITY, FINEST, SETUP, Twin, feature_error, table
+from experiments.complexity.sensitivity import COST, DEFAULT, ERROR, FINEST, SETUP, Twin, feature_error, table
 from radartwin.config.compose import compose
 from radartwin.io.progress import Progress
 from radartwin.runs.experiment import check_rows
-from radartwin.source_files import closure
 
 CONFIG = compose(["experiment=sensitivity", "profile.resamples=50"])
 RNG = np.random.default_rng(0)
@@ -52,12 +51,6 @@ def test_error_is_in_standard_deviations_and_run_time_excludes_set_ups() -> None
 def test_random_recordings_differ_by_the_root_of_two() -> None:
     recordings = RNG.standard_normal((2000, 5))
     assert np.sqrt((feature_error(recordings[RNG.permutation(2000)], recordings) ** 2).mean()) == pytest.approx(np.sqrt(2), abs=0.06)
-
-
-def test_run_key_contains_the_fidelity_tables() -> None:
-    reached = set(closure(("experiments.complexity.sensitivity",)))
-    assert {module.__name__ for module in FIDELITY} <= reached
-    assert set(sensitivity.identity()["tables"]) == {module.__name__.split(".")[-1] for module in FIDELITY}
 
 
 def test_fidelity_tables_are_read_from_frames_and_those_without_recordings_are_left_out(monkeypatch) -> None:

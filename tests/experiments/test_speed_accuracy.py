@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import json
-import re
-from dataclasses import replace
-from typing import Any, cast
+from typing import Any
 
 import miepython
 import numpy as np
-import pandas as pd
 import pytest
 
 from analysis.pages import choosing
-from experiments.speed import chart, chart_page, measuring, methods, problems, speed_accuracy
+from experiments.speed import measuring, methods, problems, speed_accuracy
 from experiments.speed.methods import DEFAULT, OURS, POINTS, RFGENESIS, Method, tracer
 from experiments.validation.oracles import fullwave, furnished_motions, traced
 from experiments.validation.oracles.point_source import cylinder_echo, sphere_echo
@@ -23,8 +20,6 @@ from radartwin.config.compose import compose
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
 from radartwin.runs.experiment import check_rows
-from radartwin.runs.run import run_key
-from radartwin.simulation.backends.rfgenesis_signal import direct_frame
 
 FREQUENCY_HZ = 77e9
 WAVELENGTH_M = SPEED_OF_LIGHT / FREQUENCY_HZ
@@ -67,15 +62,6 @@ def test_swept_echo_equals_echo_at_each_sample() -> None:
     swept = problems.swept(lambda f: cylinder_echo(0.033, 0.12, 1.0, f), 1.0)[0, 0, 0]
     samples = [0, 17, 128, 255]
     assert swept[samples] == pytest.approx(cylinder_echo(0.033, 0.12, 1.0, frequencies[samples]), rel=1e-4)
-
-
-def test_turned_plate_is_symmetric_and_weaker_than_facing() -> None:
-    """The echo of a plate has equal levels on both sides of its normal, and each is below the level at the normal."""
-    levels = [
-        np.abs(problems.corner_echo("plate", 0.1, problems.turntable_poses(1.0, 1, yaw_deg)[0])).mean() for yaw_deg in (0.0, 3.0, -3.0)
-    ]
-    assert levels[1] == pytest.approx(levels[2], rel=1e-6)
-    assert levels[1] < 0.7 * levels[0]
 
 
 def tone(range_m: float, amplitude: float = 1.0) -> np.ndarray:
@@ -140,15 +126,6 @@ def test_ratios_compare_the_same_rounds() -> None:
     assert (ratio.low, ratio.value, ratio.high, ratio.n) == (2.0, 3.0, 4.0, 2)
 
 
-def test_one_sum_of_the_published_generator_equals_that_of_its_frame() -> None:
-    points = np.array([[1.0, 0.1, 0.0], [1.5, -0.2, 0.1]])
-    radar = Radar.iwr1843()
-    single = replace(radar, num_chirps=1, tx_positions_m=radar.tx_positions_m[:1], rx_positions_m=radar.rx_positions_m[:1])
-    whole = direct_frame(points, points, np.ones(2), radar)
-    assert whole.size == direct_frame(points, points, np.ones(2), single).size * radar.num_chirps * radar.num_tx * radar.num_rx
-    assert direct_frame(points, points, np.ones(2), single)[0, 0, 0] == pytest.approx(whole[0, 0, 0])
-
-
 def test_default_is_accurate_on_canonical_targets_and_peers_are_not() -> None:
     problem = problems.canonical(2, 1)
 
@@ -200,31 +177,6 @@ def test_measuring_returns_time_and_rays_of_each_method() -> None:
     assert rows[0]["rays"] > 100
     assert rows[2]["rays"] == 256
     assert rows[0]["frames timed"] == 3
-
-
-def test_run_key_contains_the_machine(monkeypatch: pytest.MonkeyPatch) -> None:
-    config = compose(["experiment=speed_accuracy"])
-    here = run_key(config)
-    assert run_key(config) == here
-    monkeypatch.setattr(speed_accuracy, "machine", lambda: {"processor": "another"})
-    assert run_key(config) != here
-
-
-def test_charts_have_every_point_and_join_those_of_the_front() -> None:
-    rows = rows_of(measured(POINTS, "far-field table", [0.1] * 3, 5.0), measured(OURS, "</script>", [2.0] * 3, 5.0))
-    text = chart_page.page(rows)
-    assert not re.search(r"<(script|link|img)[^>]+(src|href)=", text), "the page loads nothing"
-    assert "this tracer, </script>" not in text
-    views = json.loads(re.search(r"const views = (.*);\n", text).group(1))  # type: ignore[union-attr]
-    assert set(views) == {f"{cost} {error}" for cost in chart_page.COSTS for error in chart_page.ERRORS}
-    frame = pd.DataFrame([row for row in rows if not row["claim"]])
-    drawn, empty = (cast(Any, chart_page.figure(frame, "seconds_frame", error)) for error in ("profile_error_db", "feature_error"))
-    default, slow, table, line = [list(zip(trace.x, trace.y, strict=True)) for trace in drawn.data]
-    assert (default, slow, table) == ([(1.0, 1.0)], [(2.0, 5.0)], [(0.1, 5.0)])
-    assert [point for point in line if np.isfinite(point[1])] == [(0.1, 5.0), (1.0, 1.0)]
-    assert all(len(trace.y) == 0 for trace in empty.data)
-    labels = {text.get_text() for axes in chart.chart(rows, "profile_error_db").axes for text in axes.texts}
-    assert {"default", "table"} <= labels
 
 
 @pytest.mark.parametrize("problem", problems.problems(True), ids=lambda problem: problem.name)

@@ -46,16 +46,6 @@ def test_samples_that_are_not_finite_give_nan(monkeypatch: pytest.MonkeyPatch) -
     assert math.isnan(stability.error(BY_NAME["gap"], METHODS[0], 1.0))
 
 
-def test_map_shows_every_sweep_value_and_failure() -> None:
-    table = rows([0.1, 3.0, 3.1, 50.0], [5.0, 0.1, 0.1, 0.1]) + [{**row, "sweep": "other"} for row in rows([0.1] * 3, [0.1] * 3)]
-    drawing = stability.map_of(table)
-    blocks = [axes for axes in drawing.axes if axes.images and axes.texts]
-    assert len(blocks) == 2
-    texts = [text.get_text() for text in blocks[0].texts]
-    assert {"fails at 30 m", "never safe", "40+"} <= set(texts)
-    assert [text.get_text() for text in blocks[1].texts].count("safe throughout") == 2
-
-
 # {parameter: (value, limit of the error in dB)} at which the tracer must stay accurate
 STANDS = {
     "rays": (256, 0.6), "grid": (2.5, 0.3), "facets": (16, 0.5), "holes": (5, 0.6), "noise": (0.1, 0.8),

@@ -7,8 +7,6 @@ import pytest
 
 import radartwin as rt
 from radartwin.builders.radar import named_radar
-from radartwin.features.cloud import detections
-from radartwin.features.processed import process
 from radartwin.radar.detection import detect
 
 C = 299_792_458.0
@@ -44,13 +42,3 @@ def test_detected_peak_has_range_angle_and_speed(name):
     # At 5 m, the point is in the near field of the cascade, whose beam of 1.2 degrees blurs but stays centred.
     assert np.degrees(peaks.azimuth_rad[0]) == pytest.approx(azimuth_deg, abs=0.3)
     assert peaks.velocity_mps[0] == pytest.approx(speed_mps, abs=radar.velocity_resolution_mps / 10)
-
-
-@pytest.mark.parametrize("name", RADARS)
-def test_features_cloud_has_range_and_angle(name):
-    radar = RADARS[name]
-    processed = process(point_echo(radar, 4.0, 25.0, 0.0))
-    for frame in detections(processed):
-        range_m, azimuth_rad = frame[0]
-        assert range_m == pytest.approx(4.0, abs=radar.range_resolution_m / 2 + 1e-9)  # the centre of a bin
-        assert np.degrees(azimuth_rad) == pytest.approx(25.0, abs=1.0)  # every degree

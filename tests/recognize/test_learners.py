@@ -89,16 +89,6 @@ def test_the_order_of_the_class_names_does_not_matter(name: str) -> None:
 
 
 @each_learner
-def test_rows_of_classes_outside_the_training_are_embedded(name: str) -> None:
-    """A learner of three classes predicts one of them for rows of a fourth class, and embeds these rows."""
-    known = OBJECTS[:3]
-    data = label_free(samples(name, SIMULATED, 1, objects=known), samples(name, MEASURED, 2))
-    fitted = SMALL[name].fit(data, ANCHORS, SETTINGS, 0)
-    assert set(fitted.predict(data.unlabelled)) <= set(known)
-    assert np.isfinite(fitted.embedded(data.test).values).all()
-
-
-@each_learner
 def test_one_recording_of_two_rows_per_class_is_enough_to_train(name: str) -> None:
     data = label_free(samples(name, SIMULATED, 1, each=1, copies=2), samples(name, MEASURED, 2, each=1, copies=1))
     fitted = SMALL[name].fit(data, ANCHORS, SETTINGS, 0)

@@ -41,11 +41,6 @@ def test_early_stopping_uses_simulated_recordings():
     assert len(losses) <= min(SETTINGS.epochs, trained.epochs + 3)
 
 
-def test_training_without_simulated_rows_takes_all_epochs():
-    known, rest = draw_shots(rows(MEASURED, 2, each=4, copies=1), 2, seed=0)
-    assert fit(Split("few_shot", known, rest, 2), ANCHORS, SETTINGS).epochs == SETTINGS.epochs
-
-
 def test_the_loss_is_info_nce_from_radar_to_text():
     import torch
     from scipy.special import log_softmax
