@@ -83,41 +83,40 @@ def by_image(size, sensor, rotation, material="metal", bounces=4, **values):
     return errors, levels / levels.max()
 
 
+def signal_error(size, sensor, rotation, material, bounces):
+    """Return the relative error of the signal of a box against the sum of its images."""
+    reflection = room_oracles.wall_reflection(material)
+    exact = image_sum(np.array(size), np.array(sensor), rotation[:, 2], reflection, bounces, traced.frequencies(RADAR))
+    parts = paths_of(room_oracles.room_scene(size, material), looking(sensor, rotation), max_bounces=bounces)
+    return relative_error(sampled(parts), exact)
+
+
 @pytest.mark.parametrize(
-    ("name", "attitude", "worst", "rms"),
-    [("court", "tilted", 0.04, 0.015), ("office", "turned", 0.04, 0.015), ("corridor", "tilted", 0.08, 0.025)],
-)
-def test_every_image_of_a_metal_box_has_its_level(name, attitude, worst, rms):
-    """An image at an edge or corner is the sum of its orders of reflection."""
+    ("name", "attitude", "material", "worst", "rms"),
+    [
+        ("court", "tilted", "metal", 0.04, 0.015), ("office", "turned", "metal", 0.04, 0.015), ("corridor", "tilted", "metal", 0.08, 0.025),
+        ("office", "tilted", "concrete", 0.05, 0.05), ("corridor", "tilted", "glass", 0.05, 0.05),
+    ],
+)  # fmt: skip
+def test_every_image_of_a_box_has_its_level(name, attitude, material, worst, rms):
+    """The tracer finds all images above the pruning level and no others. An image at an edge or corner is the sum of its orders of
+    reflection.
+    """
     _, size, sensor = room_oracles.ROOMS[name]
-    errors, levels = by_image(size, sensor, ATTITUDES[attitude])
-    seen = levels > 2e-3
+    errors, levels = by_image(size, sensor, ATTITUDES[attitude], material)
+    seen = levels > (2e-3 if material == "metal" else 0)
     assert seen.sum() > 60
     assert errors[seen].max() < worst
     assert np.sqrt(np.mean(errors[seen] ** 2)) < rms
-
-
-@pytest.mark.parametrize(("name", "material"), [("office", "concrete"), ("corridor", "glass")])
-def test_every_image_of_a_dielectric_box_has_its_level(name, material):
-    """The tracer finds all images above the pruning level and no others."""
-    _, size, sensor = room_oracles.ROOMS[name]
-    assert by_image(size, sensor, ATTITUDES["tilted"], material)[0].max() < 0.05
-    exact = image_sum(
-        np.array(size), np.array(sensor), ATTITUDES["tilted"][:, 2], room_oracles.wall_reflection(material), 4, traced.frequencies(RADAR)
-    )
-    assert relative_error(sampled(paths_of(room_oracles.room_scene(size, material), looking(sensor, ATTITUDES["tilted"]))), exact) < 0.03
+    if material != "metal":
+        assert signal_error(size, sensor, ATTITUDES[attitude], material, 4) < 0.03
 
 
 @pytest.mark.parametrize("sensor", [(0.01, 1.7, 1.1), (0.02, 0.015, 1.1), (0.01, 0.02, 0.03)])
 def test_signal_close_to_walls_is_accurate(sensor):
-    """The amplitude of metal is that of the middle frequency, which is an error of 0.9 % rms over the sweep. Panel images with Fresnel
-    factors lost up to half the echo of a wall beside a corner.
-    """
-    size = (5.0, 4.0, 2.5)
-    turn = ATTITUDES["tilted"]
-    exact = image_sum(np.array(size), np.array(sensor), turn[:, 2], room_oracles.wall_reflection("metal"), 3, traced.frequencies(RADAR))
-    ours = sampled(paths_of(room_oracles.room_scene(size, "metal"), looking(sensor, turn), max_bounces=3))
-    assert relative_error(ours, exact) < 0.015
+    """The amplitude of metal is that of the middle frequency, which is an error of 0.9 % rms over the sweep."""
+    size, turn = (5.0, 4.0, 2.5), ATTITUDES["tilted"]
+    assert signal_error(size, sensor, turn, "metal", 3) < 0.015
     if sensor[2] > 1:
         errors, levels = by_image(size, sensor, turn, bounces=3)
         assert errors[levels > 5e-3].max() < 0.01
@@ -171,9 +170,7 @@ ROLLED = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # the antenna's axis is
 
 @pytest.mark.parametrize(("edge", "rotation", "sign"), [(1.2, ROLLED, -1), (2.0, np.eye(3), 1)], ids=["near", "far"])
 def test_table_top_echoes_at_its_edges(edge, rotation, sign):
-    """A table top 0.35 m below the radar echoes at its near edge in horizontal and at its far edge in vertical polarisation, and not at
-    0.35 m, where panel images had both edges.
-    """
+    """A table top 0.35 m below the radar echoes at its near edge in horizontal and at its far edge in vertical polarisation only."""
     top = rt.Surface(rooms.rectangle([1.2, -1.5, -0.35], np.eye(3)[0], np.eye(3)[1], (0.8, 3.0)), "metal", "top", role="room")
     parts = paths_of(rt.Scene([top]), looking((0, 0, 0), rotation))
     distance, down = np.hypot(edge, 0.35), np.arctan2(0.35, edge)
@@ -203,7 +200,6 @@ def test_faces_after_an_edge_come_in_the_order_of_the_path():
 
 
 def test_the_point_of_diffraction_has_the_shortest_path():
-    """At the point of diffraction on the line of an edge, the path from source over the line to receiver has its minimum."""
     for start, along, source, receiver in np.random.default_rng(5).uniform(-1, 1, (20, 4, 3)):
         along = along / np.linalg.norm(along)
 
@@ -236,16 +232,8 @@ def test_room_with_too_many_edges_warns_and_has_one_diffraction_a_path(monkeypat
     assert twice > 2
 
 
-@pytest.mark.parametrize("side", [6.0, 0.3])
-def test_equal_planes_count_once(side):
-    """A second wall in the place of the first, and a patch in the plane of a wall, change nothing."""
-    patch = rt.Surface(rooms.rectangle([3, side / 2, -side / 2], -np.eye(3)[1], np.eye(3)[2], (side, side)), "metal", "patch", role="room")
-    alone, both = (between(paths_of(rt.Scene(scene), looking((0, 0, 0))), 5.9, 6.1) for scene in ([wall_at(3.0)], [wall_at(3.0), patch]))
-    assert 20 * np.log10(abs(both / alone)) == pytest.approx(0, abs=0.01)
-
-
 def test_wall_seen_through_a_frame_keeps_its_echo():
-    """A frame of bars of 1 cm is an obstacle with a hole. When the frame hid its convex hull, the wall behind it lost 20 dB."""
+    """A frame of bars of 1 cm is an obstacle with a hole."""
     low, high, width = np.array([-0.21, -0.25]), np.array([0.39, 0.35]), 0.01
     hole = low + width, high - width
     bars = [
@@ -480,9 +468,7 @@ def test_inner_corner_continues_the_wave_that_both_faces_reflect(opening, source
 
 
 def test_no_path_along_a_motion_is_listed_in_both_directions():
-    """A path with edges and its reverse are one sequence, at whichever place it was found. The search orders arrivals at an edge by their
-    strength, which differs from place to place.
-    """
+    """The search orders arrivals at an edge by their strength, which differs from place to place."""
     drives = Track.of_drives(list(rooms.lab(detail="furnished")), RADAR, along((0.4, -0.15, 0.4), (0.4, 0.15, 0.4), 4), TraceSettings())
     searched = drives.searched
     assert searched is not None
@@ -494,16 +480,3 @@ def test_no_path_along_a_motion_is_listed_in_both_directions():
         if edge[0] >= 0 and edge[1] < 0 and (count[0], faces) != (count[2], faces[::-1]):
             assert ((count[2], count[1], count[0]), tuple(edge), tuple(faces[::-1])) not in listed
     assert len(listed) == len(every) > 500
-
-
-def share_above(y, z):
-    """Return the echo of a plate of 6 m x 6 m at 1 m over that of an infinite mirror, for a sensor beside the plate's middle."""
-    panel = rt.Scene([rt.Surface(objects.plate(6.0, 6.0), "metal", "wall", role="room")])
-    signal = [fields(paths_of(panel, looking((-1.0, y + hair, z + hair / 3))), 1)[0] for hair in (0.0, 1e-9, -1e-6)]
-    return np.abs(signal) * 8 * np.pi / WAVELENGTH
-
-
-def test_sensor_above_an_edge_sees_half_an_image_and_above_a_corner_a_quarter():
-    """A small offset of the sensor does not change this. The wave of the corner is minus the product of the waves of its two edges."""
-    for y, z, share in ((3.0, 0.0, 0.5), (0.0, 0.0, 1.0), (3.0, 3.0, 0.25)):
-        assert share_above(y, z) == pytest.approx(share, abs=0.01)
