@@ -1,6 +1,5 @@
 """Whole simulations from scene to samples: tests of level, phase, motion, angle, visibility and determinism."""
 
-import dataclasses
 import os
 import subprocess
 import sys
@@ -21,13 +20,6 @@ RADAR = rt.Radar.iwr1843(element="isotropic")
 def profile(samples, bins=8192):
     taper = np.hanning(samples.shape[-1])
     return np.fft.fft(samples * taper, bins) / taper.sum()
-
-
-def facing(mesh, distance):
-    """Return a target at this distance that faces the sensor at the origin."""
-    return rt.Scene([rt.Surface(mesh, "metal", "target")]), {
-        "target": np.array([trajectory.pose([distance, 0, 0], np.diag([-1.0, -1.0, 1.0]))])
-    }
 
 
 @pytest.mark.parametrize("material", ["metal", "plasterboard", rt.Layered([("plasterboard", 0.0125)])])
@@ -65,12 +57,6 @@ def test_long_thin_and_large_round_targets_are_traced_finely():
             for role in ("auto", "object")
         ]
         assert levels[0] == pytest.approx(levels[1], rel=0.02)
-
-
-def test_real_sampling_has_no_imaginary_part():
-    scene, motion = facing(objects.plate(0.1, 0.1), 1.0)
-    radar = dataclasses.replace(RADAR, real_sampling=True)
-    assert not rt.simulate(scene, radar, np.eye(4)[None], motion=motion).iq.imag.any()
 
 
 def test_small_object_survives_beside_a_bright_wall():
