@@ -183,9 +183,7 @@ def test_table_top_echoes_at_its_edges(edge, rotation, sign):
 
 
 def test_faces_after_an_edge_come_in_the_order_of_the_path():
-    """Two short walls stand so that a wave from an edge reaches the radar over the left and then the right wall, but not vice versa.
-    The length is that to the image of the radar behind both walls.
-    """
+    """A wave from an edge reaches the radar over the left and then the right of two short walls, but not vice versa."""
 
     def upright(corner, along, length, name):
         mesh = rooms.rectangle([*corner, -3.0], np.array([*along, 0.0]), np.eye(3)[2], (length, 6.0))
@@ -394,9 +392,7 @@ def test_round_pillar_in_a_flat_room_loses_no_face():
 
 
 def test_wall_with_a_deep_cavity_has_its_reflection_at_every_sample():
-    """The exact reflection is that of a transfer matrix. The level of a metal wall is that of the middle frequency at all samples, and
-    the level of the other wall is proportional to the wavelength.
-    """
+    """The level of metal is that of the middle frequency at all samples, that of the other wall is proportional to the wavelength."""
     wall = objects.plate(60.0, 60.0).apply_translation((2.0, 0.0, 0.0))
     radar = rt.Radar.iwr1843(element="isotropic")
 

@@ -29,14 +29,6 @@ def test_stored_rooms_are_the_rooms_of_their_seeds():
         assert {part: strips.tolist() for part, strips in room.items()} == stored[furnished.name(seed)]
 
 
-def test_rooms_keep_their_distance_from_the_radar():
-    along = np.linspace(0, 1, 101)[:, None]
-    for name in NAMES:
-        ends = np.concatenate(list(fullwave.strips(furnished.ROOMS, name).values()))
-        distance = np.linalg.norm(np.concatenate([a + along * (b - a) for a, b in ends]), axis=1)
-        assert 0.24 < distance.min() < distance.max() < 1.26, name
-
-
 def test_stored_field_is_the_solution_of_its_room():
     check_against_stored("free_25", [30], moments_2d.PER_WAVELENGTH, 1e-4)
 
@@ -79,7 +71,7 @@ def test_furnished_rooms_match_full_wave(name):
     assert found.worst("error") < largest
 
 
-@pytest.mark.parametrize("name", [*GIVEN_ROOMS, *NAMES[1::4]])
+@pytest.mark.parametrize("name", [*GIVEN_ROOMS, *NAMES[1::8]])
 def test_a_frame_of_a_track_is_as_right_as_a_frame_at_rest(name):
     """The radar sees through gaps, and past edges, which it does not see from its other poses."""
     folder = furnished.ROOMS if name in NAMES else fullwave.GIVEN

@@ -127,9 +127,7 @@ def physical_optics(radius: float, height: float, elevation: float) -> float:
 
 @pytest.mark.parametrize("density", [1.0, 4.0])
 def test_tubes_end_at_rims_as_physical_optics_does(density, monkeypatch):
-    """Without fringe currents, the echo of a can agrees with a quadrature of physical optics. The mesh has so many sides that its rim is a
-    circle.
-    """
+    """Without fringe currents. The mesh has so many sides that its rim is a circle."""
     monkeypatch.setattr(rims, "hits", lambda *_: [])
     mesh = body("can")
     angles = np.radians(np.arange(1.0, 90.0, 4.0))
@@ -143,9 +141,7 @@ def test_tubes_end_at_rims_as_physical_optics_does(density, monkeypatch):
 @pytest.mark.parametrize("opening", [1.5, 1.75, 4 / 3])
 @pytest.mark.parametrize("skew_deg", [90.0, 50.0])
 def test_fringe_currents_complete_physical_optics_to_keller(skew_deg, opening, hard):
-    """On the cone of diffracted rays, physical optics and fringe currents together have the coefficient of the geometrical theory of
-    diffraction, also for rays that are not perpendicular to the edge. Ref: J. Keller, J. Opt. Soc. Am. 52 (1962) 116.
-    """
+    """On the cone of diffracted rays, both together have the coefficient of J. Keller, J. Opt. Soc. Am. 52 (1962) 116."""
     sine, cosine, last = np.sin(np.radians(skew_deg)), np.cos(np.radians(skew_deg)), opening * np.pi
     faces = [
         (np.array([1.0, 0, 0]), np.array([0, 1.0, 0])),
