@@ -5,9 +5,13 @@ from typing import Any
 import numpy as np
 from scipy.signal import fftconvolve
 
+import radartwin as rt
+from experiments.validation.oracles import traced
 from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.scene import rooms
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation import geometry, variant
+from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.curved import tube_grid, tubes
 from radartwin.simulation.hits import Antennas, TraceOptions
 
@@ -34,6 +38,24 @@ def tube_hits(meshes, table, start, end=None, *, width=WAVELENGTH / 4, cross=Fal
     assert grid is not None
     sender, receiver = (Antennas(places, axes, cross) for places in (start, start if end is None else end))
     return tubes.trace(built, table, grid, sender, receiver, options or TraceOptions(1))
+
+
+def flat_room_paths(scene, poses, motion=None, **values):
+    """Return the paths of a scene whose room consists of flat faces, for the single antenna of the oracles."""
+    settings = TraceSettings(**{"room": "panels", "diffuse": False, **values})
+    return MitsubaBackend(settings).paths(scene, traced.MONOSTATIC, poses, motion)
+
+
+def between(parts, low_m, high_m, frame=0, frequency_hz=traced.MONOSTATIC.center_frequency_hz):
+    """Return the field of the paths of a frame between two lengths."""
+    parts = [part.frames(frame, frame + 1) if part.poses > 1 else part for part in parts]
+    return traced.field([part.where((part.length_m > low_m) & (part.length_m < high_m)) for part in parts], frequency_hz)
+
+
+def metal_wall(distance, half=3.0):
+    """Return a square wall that faces the origin from a distance along x."""
+    mesh = rooms.rectangle([distance, half, -half], -np.eye(3)[1], np.eye(3)[2], (2 * half, 2 * half))
+    return rt.Surface(mesh, "metal", "wall", role="room")
 
 
 def relative_error(ours, exact):

@@ -1,10 +1,11 @@
 """Paths between objects and a room against image sources, geometric optics, exact geometry and finite differences."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
-from physics_helpers import geometric_optics_of_a_sphere
+from physics_helpers import between, flat_room_paths, geometric_optics_of_a_sphere
 from scipy.special import fresnel
 
 import radartwin as rt
@@ -34,12 +35,11 @@ def ball(centre=(0.0, 0, 0)):
     return rt.Surface(objects.sphere(RADIUS, 5).apply_translation(centre), "metal", "ball", role="object")
 
 
+paths_of = partial(flat_room_paths, rays_per_wavelength2=4.0)
+
+
 def backend(**values):
     return MitsubaBackend(TraceSettings(**{"room": "panels", "diffuse": False, "rays_per_wavelength2": 4.0, **values}))
-
-
-def paths_of(scene, poses, motion=None, **values):
-    return backend(**values).paths(scene, RADAR, poses, motion)
 
 
 def at(position, rotation=None):
@@ -47,8 +47,7 @@ def at(position, rotation=None):
 
 
 def near(parts, length, within=0.07):
-    """Return the field of the paths whose length is near the given length."""
-    return traced.field([p.where(np.abs(p.length_m - length) < within) for p in parts], RADAR.center_frequency_hz)
+    return between(parts, length - within, length + within)
 
 
 def sphere_echo(centre, source, target):
@@ -294,7 +293,7 @@ def test_box_on_the_floor_is_a_corner_reflector(height):
 
     def level(role: Role, poses, motion=None):
         parts = paths_of(rt.Scene([floor(), rt.Surface(box, "metal", "box", role=role)]), poses, motion)
-        return db(near([p.frames(0, 1) if p.poses > 1 else p for p in parts], 2.55, 0.35))
+        return db(near(parts, 2.55, 0.35))
 
     at_rest = [level("room", pose), level("object", pose), level("object", pose, {"box": there})]
     levels = [*at_rest, level("object", moved, {"box": np.repeat(there, 2, 0)})]

@@ -1,12 +1,13 @@
 """Rooms of flat faces: image sources of boxes, edges and shadows of furniture, moving sensors, and damaged meshes."""
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
-from physics_helpers import relative_error, two_ways
+from physics_helpers import between, flat_room_paths, metal_wall, relative_error, two_ways
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
@@ -33,20 +34,13 @@ K = 2 * np.pi / WAVELENGTH
 ATTITUDES = {"tilted": room_oracles.rotation(), "turned": Rotation.from_rotvec([0.3, -1.9, 0.8]).as_matrix()}
 
 
-def settings(**values):
-    return TraceSettings(**{"room": "panels", "diffuse": False, "coupling": False, **values})
+paths_of = partial(flat_room_paths, coupling=False)
+BOUNCE = MitsubaBackend(TraceSettings(room="panels", diffuse=False, coupling=False, max_bounces=1))
 
 
-BOUNCE = MitsubaBackend(settings(max_bounces=1))
-
-
-def paths_of(scene, poses, **values):
-    return MitsubaBackend(settings(**values)).paths(scene, RADAR, poses)
-
-
-def fields(parts, frames, frequency=FREQUENCY):
-    """Return the complex sum of all paths at one frequency, shape (frames,)."""
-    return np.array([traced.field([p.frames(i, i + 1) if p.poses > 1 else p for p in parts], frequency) for i in range(frames)])
+def fields(parts, frames, low_m=0.0, high_m=np.inf):
+    """Return the field (frames,) of all paths between two lengths."""
+    return np.array([between(parts, low_m, high_m, frame) for frame in range(frames)])
 
 
 def looking(position, rotation=None):
@@ -122,15 +116,6 @@ def test_signal_close_to_walls_is_accurate(sensor):
         assert errors[levels > 5e-3].max() < 0.01
 
 
-def wall_at(distance):
-    return rt.Surface(rooms.rectangle([distance, 3, -3], -np.eye(3)[1], np.eye(3)[2], (6, 6)), "metal", "wall", role="room")
-
-
-def between(parts, low_m, high_m):
-    """Return the field of all paths between two lengths."""
-    return traced.field([part.where((part.length_m > low_m) & (part.length_m < high_m)) for part in parts], FREQUENCY)
-
-
 @pytest.mark.parametrize(
     ("centre", "limit"), [((0.0, 0.0), 0.06), ((0.05, 0.02), 0.06), ((0.3, 0.15), 0.06), ((0.16, 0.0), 0.18)],
     ids=["middle", "beside the middle", "aside", "1 cm from the line"],
@@ -138,7 +123,7 @@ def between(parts, low_m, high_m):
 def test_wall_behind_a_plate_matches_fresnel_sums(centre, limit):
     """A line that misses an edge by 1 cm on both ways is in the transition region of both diffractions: their product is not exact."""
     plate = objects.plate(0.3, 0.2).apply_translation([0.8, *centre])
-    parts = paths_of(rt.Scene([wall_at(1.5), rt.Surface(plate, "metal", "plate", role="room")]), looking((0, 0, 0)), max_bounces=3)
+    parts = paths_of(rt.Scene([metal_wall(1.5), rt.Surface(plate, "metal", "plate", role="room")]), looking((0, 0, 0)), max_bounces=3)
     y, z = (np.arange(-half + 2.5e-4, half, 5e-4) for half in (0.15, 0.1))
     exact = -two_ways(np.ones((len(y), len(z))), y + centre[0], z + centre[1], 0.8, 1.5, K) * np.exp(3j * K)
     assert abs(between(parts, 2.9, 3.9) * 8 * np.pi * 1.5 / WAVELENGTH - exact) < limit
@@ -243,7 +228,7 @@ def test_wall_seen_through_a_frame_keeps_its_echo():
     ]  # fmt: skip
     frame = rt.Surface(objects.joined(bars), "metal", "frame", role="room")
     alone, through = (
-        between(paths_of(rt.Scene(things), looking((0, 0, 0))), 5.9, 6.2) for things in ([wall_at(3.0)], [wall_at(3.0), frame])
+        between(paths_of(rt.Scene(things), looking((0, 0, 0))), 5.9, 6.2) for things in ([metal_wall(3.0)], [metal_wall(3.0), frame])
     )
     level_db = 20 * np.log10(abs(through / alone))
     assert level_db > -1.0
@@ -373,7 +358,7 @@ def test_wall_behind_small_boxes_matches_fresnel_sums():
     ]
     free, hidden = (
         between(paths_of(rt.Scene(things), looking((0, 0, 0)), max_bounces=3), 5.95, 6.25)
-        for things in ([wall_at(3.0)], [wall_at(3.0), *boxes])
+        for things in ([metal_wall(3.0)], [metal_wall(3.0), *boxes])
     )
     y = np.arange(-0.07 + 2.5e-4, 0.07, 5e-4)
     row = np.abs(np.abs(y) - 0.06) < 0.01
@@ -387,7 +372,7 @@ def test_round_pillar_in_a_flat_room_loses_no_face():
     levels = []
     for room in ("auto", "tubes"):
         parts = MitsubaBackend(TraceSettings(room=room, max_bounces=1, diffuse=False)).paths(scene, RADAR, looking((1.0, 0, 1.0)))
-        levels.append(20 * np.log10(abs(traced.field([p.where(np.abs(p.length_m - 2.7) < 0.6) for p in parts], 77e9))))
+        levels.append(20 * np.log10(abs(between(parts, 2.1, 3.3, frequency_hz=77e9))))
     assert levels[0] == pytest.approx(levels[1], abs=0.5)
 
 
@@ -416,8 +401,8 @@ def test_echo_of_an_inner_corner_is_continuous_in_its_angle(material):
         walls = [rooms.rectangle([0, 0, -1.4], way, np.eye(3)[2], (5, 2.8)) for way in (end, np.array([0, 1.0, 0]))]
         scene = rt.Scene([rt.Surface(wall, material, f"wall{i}", role="room") for i, wall in enumerate(walls)])
         parts = paths_of(scene, np.concatenate([looking((2.5, 3.4, 0.1)), looking((3.45, 2.5, -0.1))]), max_bounces=2)
-        double = [p.where(np.abs(p.length_m - 2 * np.hypot(2.5, 3.4)) < 0.1) for p in parts]
-        echoes.append(fields([p for p in double if len(p)], 2))
+        double = 2 * np.hypot(2.5, 3.4)
+        echoes.append(fields(parts, 2, double - 0.1, double + 0.1))
     change = 20 * np.log10(np.abs(np.array(echoes[1:]) / echoes[0]))
     assert np.abs(change[:2]).max() < 0.1
     assert np.abs(change[2]).max() < 0.3
