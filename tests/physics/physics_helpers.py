@@ -80,6 +80,13 @@ def point_echo(radar, where, speed_mps=0.0, frames=1, amplitude=1.0):
     return (signal.real + 0j if radar.real_sampling else signal).astype(np.complex64)
 
 
+def noisy(iq, deviation, seed=0):
+    """Return samples with complex Gaussian noise."""
+    rng = np.random.default_rng(seed)
+    noise = rng.standard_normal(iq.shape) + 1j * rng.standard_normal(iq.shape)
+    return (iq + deviation / np.sqrt(2) * noise).astype(np.complex64)
+
+
 def two_ways(screen, y, z, place, wall, wavenumber):
     """Return the echo of a mirror at x = `wall` behind a black screen at x = `place`, relative to the free echo, by Kirchhoff quadrature.
 
