@@ -14,6 +14,7 @@ from radartwin.simulation import geometry, variant
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.curved import tube_grid, tubes
 from radartwin.simulation.hits import Antennas, TraceOptions
+from radartwin.simulation.paths import Paths
 
 FREQUENCY = 77e9
 WAVELENGTH = SPEED_OF_LIGHT / FREQUENCY
@@ -78,6 +79,14 @@ def point_echo(radar, where, speed_mps=0.0, frames=1, amplitude=1.0):
     frequency = radar.start_frequency_hz + radar.slope_hz_per_s * np.arange(radar.num_samples) / radar.sample_rate_hz
     signal = amplitude * np.exp(2j * np.pi * frequency * (to_tx[..., None] + to_rx)[..., None] / SPEED_OF_LIGHT)
     return (signal.real + 0j if radar.real_sampling else signal).astype(np.complex64)
+
+
+def echoes_ahead(*ranges_m):
+    """Return the paths of resting targets of unit amplitude on boresight."""
+    count, lengths, radar = len(ranges_m), np.array(ranges_m, float), rt.Radar.iwr1843()
+    forward, middle = np.tile([1.0, 0.0, 0.0], (count, 1)), np.array([radar.center_frequency_hz])
+    pose, once = np.zeros(count, int), np.ones(count, int)
+    return Paths(1, pose, once, np.ones((count, 1), complex), middle, lengths, lengths, forward, forward, np.zeros(count))
 
 
 def noisy(iq, deviation, seed=0):
