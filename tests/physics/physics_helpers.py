@@ -114,6 +114,31 @@ def two_ways(screen, y, z, place, wall, wavenumber):
     return 1 - (2 * once - twice) * 2 * wall * np.exp(-2j * wavenumber * wall)
 
 
+def picture(mesh, distance, step):
+    """Return the projection of a mesh from the origin on the plane x = distance, as the first arguments of `two_ways`."""
+    flat = mesh.triangles[..., 1:] * distance / mesh.triangles[..., :1]
+    y, z = (np.arange(flat[..., i].min() - step, flat[..., i].max() + step, step) for i in range(2))
+    screen = np.zeros((len(y), len(z)), bool)
+    for corners in flat:
+        a, b = corners[1:] - corners[0]
+        size = a[0] * b[1] - a[1] * b[0]
+        if abs(size) > 1e-12:
+            (i, k), (j, n) = (np.searchsorted(axis, (side.min(), side.max())) for axis, side in zip((y, z), corners.T, strict=True))
+            right, up = y[i:k, None] - corners[0, 0], z[j:n] - corners[0, 1]
+            u, v = (right * b[1] - up * b[0]) / size, (up * a[0] - right * a[1]) / size
+            screen[i:k, j:n] |= (u >= 0) & (v >= 0) & (u + v <= 1)
+    return screen.astype(float), y, z
+
+
+def assert_finite_and_passive(parts):
+    """Check that all values are finite, and that no path is stronger than twice the echo of a mirror."""
+    mirror = SPEED_OF_LIGHT / traced.MONOSTATIC.center_frequency_hz / (4 * np.pi)
+    for part in parts:
+        for value in (part.amplitude, part.length_m, part.departure, part.arrival, part.rate_mps):
+            assert np.isfinite(value).all()
+        assert (np.abs(part.amplitude).max(axis=1, initial=0) <= 2 * mirror / part.length_m).all()
+
+
 def mie_backscatter(radius):
     """Return the cross-section of a metal sphere from the Mie series with a very large refractive index."""
     import miepython
