@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import panes
 import pytest
+from posing import placed
 
 import radartwin as rt
 from experiments.validation.oracles import stack
@@ -53,19 +54,13 @@ def test_water_at_60_ghz_has_the_permittivity_of_the_double_debye_model():
     assert abs(complex(containers.water(60e9)) - stack.permittivity("water", 60e9)) < 0.05
 
 
-def at(distance_m):
-    pose = np.eye(4)
-    pose[0, 3] = -distance_m
-    return pose[None]
-
-
 @pytest.mark.parametrize("material", ["metal", "floorboard"])
 def test_wall_at_60_ghz_has_the_level_of_its_image(material):
     """A large wall at the distance R returns the amplitude lambda |Gamma| / (8 pi R) of the mirror image at 2 R. The edges of the wall of
     8 m x 8 m change single samples by up to 3 %; their mean power is within 0.15 dB.
     """
     radar = dataclasses.replace(named_radar("iwr6843"), num_chirps=1, tx_positions_m=((0.0, 0.0, 0.0),), rx_positions_m=((0.0, 0.0, 0.0),))
-    recording = rt.simulate(rt.Scene([rt.Surface(objects.plate(8.0, 8.0), material, "wall")]), radar, at(2.0))
+    recording = rt.simulate(rt.Scene([rt.Surface(objects.plate(8.0, 8.0), material, "wall")]), radar, placed([(-2.0, 0, 0)]))
     index = np.sqrt(panes.permittivity(material, radar.center_frequency_hz))
     expected = panes.C / radar.center_frequency_hz * abs((1 - index) / (1 + index)) / (8 * np.pi * 2.0)
     assert material not in rt.MATERIAL_THICKNESS  # the name means a half-space
@@ -75,7 +70,7 @@ def test_wall_at_60_ghz_has_the_level_of_its_image(material):
 def test_frequency_without_data_is_refused_in_one_line(inside, tmp_path):
     radar = dataclasses.replace(named_radar("iwr6843"), start_frequency_hz=24e9)
     with pytest.raises(MaterialError, match=r"floorboard.*50 to 100 GHz.*no substitute at 25.7") as caught:
-        rt.simulate(rt.Scene([rt.Surface(objects.plate(1.0, 1.0), "floorboard", "board")]), radar, at(2.0))
+        rt.simulate(rt.Scene([rt.Surface(objects.plate(1.0, 1.0), "floorboard", "board")]), radar, placed([(-2.0, 0, 0)]))
     assert "\n" not in str(caught.value)
     rt.Scene([rt.Surface(objects.plate(1.0, 1.0), "floorboard", "board")]).save(tmp_path / "room")
     words = ("scene=scan", f"scene.path={tmp_path / 'room'}", "scene.target=none", "trajectory=static", "radar=iwr6843")

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from posing import turning
 
 import radartwin as rt
 from radartwin.scene import objects
@@ -58,17 +59,10 @@ def test_traced_trihedral_is_within_the_stated_error():
     radar = replace(rt.Radar.iwr1843("isotropic"), num_chirps=4)
     scene = rt.Scene([rt.Surface(objects.trihedral(0.1), "metal", "target", role="object")])
 
-    def turned(angle):
-        poses = np.tile(np.eye(4), (len(angle), 1, 1))
-        poses[:, 0, 0] = poses[:, 1, 1] = np.cos(angle)
-        poses[:, 1, 0], poses[:, 0, 1] = np.sin(angle), -np.sin(angle)
-        poses[:, 0, 3] = 1.5
-        return poses
-
     def chirp(angle):
         """Trace a frame with the target at rest: the frames follow so slowly that the target does not move within a frame."""
         slow = replace(radar, num_chirps=1, frame_rate_hz=1e-6)
-        return rt.simulate(scene, slow, np.eye(4)[None], motion={"target": turned(angle)}).iq[:, 0]
+        return rt.simulate(scene, slow, np.eye(4)[None], motion={"target": turning("z", angle, (1.5, 0, 0))}).iq[:, 0]
 
     aspects = Aspects.traced(chirp)
     level = np.sqrt(np.mean(np.abs(aspects.signals) ** 2))
@@ -78,7 +72,7 @@ def test_traced_trihedral_is_within_the_stated_error():
     # one revolution in 25 s at 10 Hz, near the angle at which the trihedral's echo is strongest
     rate = 2 * np.pi / 25
     frames = np.pi + rate * np.arange(6) / radar.frame_rate_hz
-    moving = rt.simulate(scene, radar, np.eye(4)[None], motion={"target": turned(frames)}).iq
+    moving = rt.simulate(scene, radar, np.eye(4)[None], motion={"target": turning("z", frames, (1.5, 0, 0))}).iq
     ours = aspects.at(frames[:, None, None] + rate * radar.chirp_times())
     inside = slice(1, -1)  # in the first and last frame, the tracer's velocity is a one-sided difference
     difference = np.sqrt(np.mean(np.abs(moving[inside] - ours[inside]) ** 2))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 from physics_helpers import assert_finite_and_passive, between, flat_room_paths, metal_wall, relative_error, two_ways
+from posing import placed
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
@@ -215,17 +216,10 @@ def test_room_with_too_many_edges_warns_and_has_one_diffraction_a_path(monkeypat
     assert twice > 2
 
 
-def along(start, stop, frames):
-    poses = np.tile(np.eye(4), (frames, 1, 1))
-    poses[:, :3, 3] = np.linspace(start, stop, frames)
-    return poses
-
-
 def test_rates_match_length_differences():
     """For up to four bounces and an oblique motion, the range rate of every path agrees with its change of length two frames later."""
-    frames, step = 3, np.array([0.004, -0.003, 0.002])
-    poses = along(np.array([2.0, 1.7, 1.1]), np.array([2.0, 1.7, 1.1]) + 2 * step, frames)
-    poses[:, :3, :3] = ATTITUDES["tilted"]
+    places = np.array([2.0, 1.7, 1.1]) + np.arange(3)[:, None] * np.array([0.004, -0.003, 0.002])
+    poses = placed(places, Rotation.from_matrix(ATTITUDES["tilted"]))
     part = paths_of(room_oracles.room_scene((6.0, 4.0, 2.5), "metal"), poses)[0]
     before, now, after = (part.frames(i, i + 1) for i in range(3))
     checked = 0
@@ -246,8 +240,7 @@ def test_signal_is_smooth_along_a_motion(places):
     """The phases alone explain a second difference of 0.008 over steps of 20 um: (2 k 20 um)^2 is 0.004, the crest factor about two."""
     fine = np.concatenate([np.arange(0, 0.33, 0.04), *(place + 2e-5 * np.arange(-4, 5) for place in places)])
     where = np.unique(np.round(fine, 7))
-    poses = np.tile(np.eye(4), (len(where), 1, 1))
-    poses[:, :3, 3] = np.array([1.0, 0.1, 1.1]) + where[:, None] * np.array([1.0, 0, 0])
+    poses = placed([1.0, 0.1, 1.1] + where[:, None] * np.eye(3)[0])
     signal = fields(paths_of(rooms.lab(detail="furnished"), poses, max_bounces=2), len(where))
     gaps = np.diff(where)
     bends = np.flatnonzero((np.abs(gaps[1:] - 2e-5) < 1e-9) & (np.abs(gaps[:-1] - 2e-5) < 1e-9)) + 1
@@ -411,7 +404,9 @@ def test_inner_corner_continues_the_wave_that_both_faces_reflect(opening, source
 
 def test_no_path_along_a_motion_is_listed_in_both_directions():
     """The search orders arrivals at an edge by their strength, which differs from place to place."""
-    drives = Track.of_drives(list(rooms.lab(detail="furnished")), RADAR, along((0.4, -0.15, 0.4), (0.4, 0.15, 0.4), 4), TraceSettings())
+    drives = Track.of_drives(
+        list(rooms.lab(detail="furnished")), RADAR, placed(np.linspace((0.4, -0.15, 0.4), (0.4, 0.15, 0.4), 4)), TraceSettings()
+    )
     searched = drives.searched
     assert searched is not None
     every = searched.sequences

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from posing import placed, turning
 
 from experiments.validation import furnished_rooms
 from experiments.validation.oracles import fullwave, furnished, moments_2d
@@ -119,17 +120,14 @@ def test_a_wall_seen_through_a_gap_narrower_than_the_array():
     every = received(trace_paths(scene, radar, np.eye(4)[None], None, TraceSettings())[0], radar, 1)[0, 0]
     for t, r in ((0, 0), (1, 0), (1, 3)):
         place = (radar.tx_positions[t] + radar.rx_positions[r]) / 2
-        at = np.eye(4)
-        at[:3, 3] = place
         single = replace(radar, tx_positions_m=((0.0, 0.0, 0.0),), rx_positions_m=((0.0, 0.0, 0.0),))
-        alone = received(trace_paths(scene, single, at[None], None, TraceSettings())[0], single, 1)[0, 0, 0, 0]
+        alone = received(trace_paths(scene, single, placed([place]), None, TraceSettings())[0], single, 1)[0, 0, 0, 0]
         assert np.linalg.norm(every[t, r] - alone) < 0.05 * np.linalg.norm(alone)
 
 
 def test_a_rolling_radar_has_the_paths_of_its_antenna_axis():
     scene, turn = fullwave.scene(furnished.ROOMS, "corner_17"), np.radians([0, 30, 60, 90])
-    poses = np.repeat(np.eye(4)[None], len(turn), axis=0)
-    poses[:, 1, 1], poses[:, 1, 2], poses[:, 2, 1], poses[:, 2, 2] = np.cos(turn), -np.sin(turn), np.sin(turn), np.cos(turn)
+    poses = turning("x", turn)
     radar = replace(furnished.radar(), frame_rate_hz=1e-3)
     track = [part.frames(3, 4) for part in trace_paths(scene, radar, poses, None, TraceSettings())[0]]
     rest = trace_paths(scene, radar, poses[3:], None, TraceSettings())[0]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 from physics_helpers import between, flat_room_paths, metal_wall, picture, two_ways
+from posing import placed, turning
 
 import radartwin as rt
 from experiments.validation.oracles import furnished, moments_2d, traced
@@ -36,18 +37,12 @@ def behind(mesh, poses, named=True, role: Role = "object"):
     return np.array([between(flat_room_paths(rt.Scene([FREE, thing.moved(pose)]), HERE), *ends) for pose in poses]) / free
 
 
-def at(places):
-    poses = np.tile(np.eye(4), (len(places), 1, 1))
-    poses[:, :3, 3] = places
-    return poses
-
-
 def test_plate_before_a_wall_matches_two_way_kirchhoff_at_every_offset():
     """A plate moves sideways past the line to the wall, which its edge passes at 45 mm. Resting and moving plates are alike."""
     offsets = np.arange(0, 0.2501, 0.0025)
     y, z = (np.arange(-half + 2.5e-4, half, 5e-4) for half in (0.045, 0.065))
     exact = np.array([two_ways(np.ones((len(y), len(z))), y + offset, z, PLACE, WALL, K) for offset in offsets])
-    poses, rows = at([(PLACE, offset, 0.0) for offset in offsets]), [0, 18, 19, 20, 40, 80]
+    poses, rows = placed([(PLACE, offset, 0.0) for offset in offsets]), [0, 18, 19, 20, 40, 80]
     for name, plate in PLATES.items():
         moving = behind(plate, poses)
         error = np.abs(moving - exact)
@@ -62,13 +57,11 @@ def test_bar_before_a_wall_matches_two_way_kirchhoff(width, depth, limit):
     offsets, bar = np.arange(0, 0.1, 0.0025), objects.box((-depth, -width / 2, -0.065), (0, width / 2, 0.065))
     y, z = (np.arange(-half + 2.5e-4, half, 5e-4) for half in (width / 2, 0.065))
     exact = np.array([two_ways(np.ones((len(y), len(z))), y + offset, z, PLACE, WALL, K) for offset in offsets])
-    assert np.abs(behind(bar, at([(PLACE, offset, 0.0) for offset in offsets])) - exact).max() < limit
+    assert np.abs(behind(bar, placed([(PLACE, offset, 0.0) for offset in offsets])) - exact).max() < limit
 
 
 def turned(angles):
-    poses = at(np.tile((PLACE, 0.0, 0.0), (len(angles), 1)))
-    poses[:, 0, 0], poses[:, 0, 1], poses[:, 1, 0], poses[:, 1, 1] = np.cos(angles), -np.sin(angles), np.sin(angles), np.cos(angles)
-    return poses
+    return turning("z", angles, (PLACE, 0.0, 0.0))
 
 
 def reflector():
@@ -127,7 +120,7 @@ def test_frame_of_thin_bars_matches_two_way_kirchhoff(half, bar, place):
         found = through(objects.joined(bars).apply_translation((place, aside, 0)), K)
         assert 20 * np.log10(abs(found / exact)) == pytest.approx(0, abs=0.5)
         if place == PLACE:  # the same with the paths over frame and wall, and for a frame that belongs to the room
-            mesh, pose = objects.joined(bars), at([(place, aside, 0.0)])
+            mesh, pose = objects.joined(bars), placed([(place, aside, 0.0)])
             assert abs(behind(mesh, pose)[0] - exact) < 0.03
             assert 20 * np.log10(abs(behind(mesh, pose, named=False, role="room")[0] / exact)) == pytest.approx(0, abs=1.0)
 
@@ -155,7 +148,7 @@ def behind_box(depth, width, offsets):
     two and in three dimensions, except for the square root of the ratio of the lengths.
     """
     box = rt.Surface(objects.box((-depth / 2, -width / 2, -0.4), (depth / 2, width / 2, 0.4)), "metal", "box", role="object")
-    poses = at([(PLACE, offset, 0.0) for offset in offsets])
+    poses = placed([(PLACE, offset, 0.0) for offset in offsets])
     both = flat_room_paths(rt.Scene([FREE, box]), np.repeat(HERE, len(poses), 0), {"box": poses})
     free = flat_room_paths(rt.Scene([FREE]), HERE)
 

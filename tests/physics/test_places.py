@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 from physics_helpers import relative_error
+from posing import placed, turning
 
 import radartwin as rt
 from radartwin.errors import InputError
@@ -23,7 +24,7 @@ EXACT = TraceSettings(max_bounces=2, place_spacing_m=0)
 
 
 def sideways(steps_m: np.ndarray) -> np.ndarray:
-    return np.stack([trajectory.pose([0, step, 0]) for step in steps_m])
+    return placed(steps_m[:, None] * np.eye(3)[1])
 
 
 def scene() -> rt.Scene:
@@ -84,8 +85,7 @@ def test_moved_paths_have_their_doppler():
 def test_a_rolling_radar_traces_a_place_for_every_few_degrees():
     """A roll turns the antenna and with it the polarisation, not the heading."""
     angles = np.radians(np.arange(0, 31, 2.0))
-    poses = np.repeat(sideways(np.array([0.3])), len(angles), axis=0)
-    poses[:, 1:3, 1:3] = np.stack([[[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]] for a in angles])
+    poses = turning("x", angles, (0, 0.3, 0))
     assert len(covering(poses, SPACING_M)) >= 5
     every, moved = over_room(poses)
     assert relative_error(moved, every) < 0.1
