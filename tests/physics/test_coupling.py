@@ -6,6 +6,8 @@ from functools import partial
 import numpy as np
 import pytest
 from physics_helpers import assert_finite_and_passive, between, flat_room_paths, geometric_optics_of_a_sphere
+from posing import placed
+from scipy.spatial.transform import Rotation
 from scipy.special import fresnel
 
 import radartwin as rt
@@ -155,26 +157,18 @@ def test_object_behind_a_screen_is_seen_over_a_wall():
     assert db(near(parts, both[1]) / both[0]) == pytest.approx(0, abs=0.5)
 
 
-@pytest.mark.parametrize("kind", ["slide", "sensor", "turn"])
+WAYS = {"slide": (0.5, 0.3, 0.8), "sensor": (0.6, -0.2, -0.7)}
+
+
+@pytest.mark.parametrize("kind", [*WAYS, "turn"])
 def test_doppler_of_every_leg_pair_matches_path_differences(kind):
     """The range rate is the mean of an echo, weighted by amplitude."""
-    frames, step = 3, 0.004
-    offset = np.array([1.2, 0.05, 0.35])
-    motion, sensors = np.tile(np.eye(4), (frames, 1, 1)), np.tile(at(SENSOR), (frames, 1, 1))
-    if kind == "slide":
-        motion[:, :3, 3] = offset + np.arange(frames)[:, None] * step * np.array([0.5, 0.3, 0.8])
-        scene = rt.Scene([floor(), ball()])
-    elif kind == "turn":
-        scene = rt.Scene([floor(), ball((0.1, 0.0, 0.0))])
-        for i in range(frames):
-            c, s = np.cos(0.7 + 0.04 * i), np.sin(0.7 + 0.04 * i)
-            motion[i, :3, :3], motion[i, :3, 3] = [[c, -s, 0], [s, c, 0], [0, 0, 1]], offset
-    else:
-        scene = rt.Scene([floor(), ball()])
-        motion[:, :3, 3] = offset
-        sensors[:, :3, 3] += np.arange(frames)[:, None] * step * np.array([0.6, -0.2, -0.7])
-    centre = (motion @ np.array([0.1 if kind == "turn" else 0.0, 0, 0, 1]))[:, :3]
-    parts = paths_of(scene, sensors, {"ball": motion})[1:]
+    frames, aside = 3, 0.1 if kind == "turn" else 0.0
+    steps = {name: 0.004 * np.arange(frames)[:, None] * np.array(way) * (kind == name) for name, way in WAYS.items()}
+    turn = Rotation.from_euler("z", 0.7 + 0.04 * np.arange(frames)[:, None]) if kind == "turn" else None
+    motion, sensors = placed(np.array([1.2, 0.05, 0.35]) + steps["slide"], turn), placed(SENSOR + steps["sensor"])
+    centre = (motion @ np.array([aside, 0, 0, 1]))[:, :3]
+    parts = paths_of(rt.Scene([floor(), ball((aside, 0, 0))]), sensors, {"ball": motion})[1:]
     exact = []
     for i in range(frames):
         eye, below = sensors[i, :3, 3], sensors[i, :3, 3] * (1, 1, -1)

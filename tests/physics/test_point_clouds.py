@@ -105,22 +105,21 @@ def test_point_near_the_plane_of_the_array_keeps_its_power(method, azimuth):
     assert min(abs(np.sin(peaks.azimuth_rad[0]) - uy) for uy in same) < 0.025
 
 
-@pytest.mark.parametrize("reversed_antennas", ["tx_positions_m", "rx_positions_m"])
 @pytest.mark.parametrize("method", ["capon", "music"])
-def test_order_of_the_antennas_does_not_matter(method, reversed_antennas):
-    radar = dataclasses.replace(RADAR, **{reversed_antennas: getattr(RADAR, reversed_antennas)[::-1]})
-    # The second point is 0.3 mm farther, which is 57 degrees of its echo's phase. Smoothing restores no rank for equal phases.
-    iq = noisy(echo(radar, place(3.0, -20.0)) + echo(radar, place(3.0003, -8.0)), 1e-2)
-    np.testing.assert_allclose(np.sort(np.degrees(detect(iq, radar, angle=method).azimuth_rad)), [-20.0, -8.0], atol=0.5)
-
-
-@pytest.mark.parametrize("method", ["capon", "music"])
-def test_cascade_separates_two_echoes_of_one_cell(method):
-    """Its 144 channels of the azimuth row are at 86 places of a uniform line, with the Rayleigh width of 1.3 degrees."""
-    radar = dataclasses.replace(awr2243_cascade(), num_chirps=2, num_samples=64)
-    # The curvature of the waves at 14 m is 0.2 radian at the ends of the row.
-    iq = noisy(echo(radar, place(14.0, -1.5)) + echo(radar, place(14.0003, 1.5)), 1e-2)
-    np.testing.assert_allclose(np.sort(np.degrees(detect(iq, radar, angle=method).azimuth_rad)), [-1.5, 1.5], atol=0.2)
+@pytest.mark.parametrize(
+    ("radar", "range_m", "azimuths", "away_deg"),
+    [
+        *((dataclasses.replace(RADAR, **{name: getattr(RADAR, name)[::-1]}), 3.0, (-20.0, -8.0), 0.5)
+          for name in ("tx_positions_m", "rx_positions_m")),
+        # 144 channels at 86 places of a uniform line, whose Rayleigh width is 1.3 degrees; at 14 m, the waves are curved by 0.2 radian
+        (dataclasses.replace(awr2243_cascade(), num_chirps=2, num_samples=64), 14.0, (-1.5, 1.5), 0.2),
+    ],
+    ids=["reversed transmitters", "reversed receivers", "cascade"],
+)  # fmt: skip
+def test_two_echoes_of_one_cell_are_separate(method, radar, range_m, azimuths, away_deg):
+    """The second point is 0.3 mm farther, which is 57 degrees of its echo's phase. Smoothing restores no rank for equal phases."""
+    iq = noisy(sum(echo(radar, place(range_m + 3e-4 * n, azimuth)) for n, azimuth in enumerate(azimuths)), 1e-2)
+    np.testing.assert_allclose(np.sort(np.degrees(detect(iq, radar, angle=method).azimuth_rad)), azimuths, atol=away_deg)
 
 
 def test_traced_spheres_within_the_rayleigh_width_need_capon_or_music():
