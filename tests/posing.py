@@ -21,3 +21,11 @@ def turning(axis: str, angles_rad: ArrayLike, place_m: ArrayLike = (0.0, 0.0, 0.
     """Return the poses (F, 4, 4) at one place that are turned about an axis by F angles."""
     angles = np.atleast_1d(np.asarray(angles_rad, float))
     return placed(np.tile(place_m, (len(angles), 1)), Rotation.from_euler(axis, angles[:, None]))
+
+
+def posed(places_m: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    """Return the sensor poses (F, 4, 4) at places whose antenna axis, the sensor's z, is `axes` (F, 3) and that look at the origin."""
+    z = axes / np.linalg.norm(axes, axis=1, keepdims=True)
+    x = -places_m - np.einsum("ni,ni->n", -places_m, z)[:, None] * z
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    return placed(places_m, Rotation.from_matrix(np.stack([x, np.cross(z, x), z], axis=2)))

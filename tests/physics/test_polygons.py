@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from physics_helpers import FREQUENCY, WAVELENGTH, coherent, relative_error
+from posing import posed
 from scipy.integrate import quad
 from scipy.special import wofz
-from test_three_dimensions import SCENES, all_answers, amplitudes, few_answers, posed, score, sheet
+from test_three_dimensions import SCENES, all_answers, amplitudes, few_answers, score, sheet
 
 import radartwin as rt
 from experiments.validation.oracles import moments_2d, traced

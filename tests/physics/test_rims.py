@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 from physics_helpers import FREQUENCY, WAVELENGTH, K
+from posing import posed
 from scipy.integrate import quad
 from scipy.special import erfcx
 
@@ -38,13 +39,9 @@ def body(name: str) -> trimesh.Trimesh:
 def poses(elevation_deg: np.ndarray, polarization: str, distance_m: float) -> np.ndarray:
     """Return poses (F, 4, 4) of a sensor that looks at the origin; for H, the sensor is turned by 90 degrees about its line of sight."""
     angle = np.radians(elevation_deg)
-    x = -np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=1)
-    z = np.stack([-np.sin(angle), 0 * angle, np.cos(angle)], axis=1)
-    y = np.cross(z, x)
-    out = np.tile(np.eye(4), (len(angle), 1, 1))
-    out[:, :3, :3] = np.stack([x, y, z] if polarization == "V" else [x, -z, y], axis=2)
-    out[:, :3, 3] = -distance_m * x
-    return out
+    places = distance_m * np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=1)
+    upright = np.stack([-np.sin(angle), 0 * angle, np.cos(angle)], axis=1)
+    return posed(places, upright if polarization == "V" else np.tile([0.0, -1.0, 0.0], (len(angle), 1)))
 
 
 def errors(elevation_deg: np.ndarray, ours: np.ndarray, exact: np.ndarray) -> tuple[float, float, float]:
