@@ -160,6 +160,15 @@ def ended(folder: Path, output: Path) -> tuple[int, str, str]:
     return campaign.returncode, said, complained
 
 
+def resumes(folder: Path, output: Path, kept: dict[str, str]) -> None:
+    """Check that the campaign ends and keeps the products that it had made."""
+    code, _, complained = ended(folder, output)
+    assert code == 0, complained
+    assert kept.items() <= products(output).items()
+    assert finished(output) == RECORDINGS
+    assert not list(output.rglob("*.tmp"))
+
+
 def members(group: int) -> list[int]:
     """Return the ids of the running processes in the process group `group`."""
     found = subprocess.run(["pgrep", "-g", str(group), "-r", "R,S,D"], capture_output=True, text=True, check=False)
@@ -176,11 +185,7 @@ def test_a_killed_worker_loses_no_finished_recording(tmp_path: Path) -> None:
     kept = products(output)
     assert 0 < finished(output) < RECORDINGS
     (tmp_path / "DIE").unlink()
-    code, _, complained = ended(tmp_path, output)
-    assert code == 0, complained
-    assert kept.items() <= products(output).items()
-    assert finished(output) == RECORDINGS
-    assert not list(output.rglob("*.tmp"))
+    resumes(tmp_path, output, kept)
     code, printed, _ = ended(tmp_path, tmp_path / "calm")
     assert code == 0
     assert f"run: simulated {2 * RECORDINGS}, reused 0, scored 1" in printed, "recordings of the workers are not counted"
@@ -197,8 +202,4 @@ def test_two_interrupts_end_all_workers_and_the_campaign_resumes(tmp_path: Path)
     wait_until(lambda: not members(campaign.pid))
     kept = products(output)
     (tmp_path / "HOLD").unlink()
-    code, _, complained = ended(tmp_path, output)
-    assert code == 0, complained
-    assert kept.items() <= products(output).items()
-    assert finished(output) == RECORDINGS
-    assert not list(output.rglob("*.tmp"))
+    resumes(tmp_path, output, kept)
