@@ -1,5 +1,6 @@
 """Whole simulations from scene to samples: tests of level, phase, motion, angle, visibility and determinism."""
 
+import dataclasses
 import os
 import subprocess
 import sys
@@ -41,6 +42,13 @@ def test_long_thin_and_large_round_targets_are_traced_finely():
             for role in ("auto", "object")
         ]
         assert levels[0] == pytest.approx(levels[1], rel=0.02)
+
+
+def test_real_sampling_has_no_imaginary_part():
+    scene = rt.Scene([rt.Surface(objects.plate(0.1, 0.1), "metal", "target")])
+    iq = rt.simulate(scene, dataclasses.replace(RADAR, real_sampling=True), at(-1.0)[None]).iq
+    assert iq.any()
+    assert not iq.imag.any()
 
 
 def test_small_object_survives_beside_a_bright_wall():
