@@ -108,14 +108,6 @@ def test_paths_do_not_depend_on_the_number_traced_at_once_or_on_other_poses(monk
     assert fields(slice(None)) == pytest.approx(whole, rel=1e-6)
 
 
-def test_without_coupling_only_the_direct_echo_remains():
-    centre = np.array([1.2, 0.0, 0.3])
-    parts = paths_of(rt.Scene([floor(), ball(centre)]), at(SENSOR), coupling=False)[1:]
-    for target in (SENSOR, MIRRORED):
-        value = near(parts, sphere_echo(centre, SENSOR, target)[1])
-        assert (abs(value) > 0) == (target is SENSOR)
-
-
 def table_top(edge):
     """Return a metal table top from x = edge[0] (near edge) to x = edge[1] (far edge) that is 3 m wide along y."""
     mesh = rooms.rectangle([edge[0], -1.5, 0.0], np.eye(3)[0], np.eye(3)[1], (edge[1] - edge[0], 3.0))
