@@ -402,6 +402,7 @@ def test_inner_corner_continues_the_wave_that_both_faces_reflect(opening, source
     np.testing.assert_allclose(np.abs(back), np.abs(matrix.T), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_no_path_along_a_motion_is_listed_in_both_directions():
     """The search orders arrivals at an edge by their strength, which differs from place to place."""
     drives = Track.of_drives(
