@@ -1,8 +1,6 @@
-"""A virtual measurement campaign that is killed and restarted writes the same files, byte for byte, as a campaign that runs without
-interruption.
-
-Only the files meta.json differ, because they hold times. The quick test replaces the ray tracer by a synthetic signal; the slow tests trace
-rays.
+"""A virtual measurement campaign that is killed, loses a worker or is interrupted, and starts again, writes the same files, byte for byte,
+as one that runs without interruption. Only the files meta.json differ, because they hold times. One test traces rays; the others replace
+the ray tracer by a synthetic signal.
 """
 
 from __future__ import annotations
@@ -17,8 +15,9 @@ import time
 from pathlib import Path
 
 import pytest
-from processes import started
+from processes import interrupted_twice, started, wait_until
 
+pytestmark = pytest.mark.slow
 WITHOUT = ["materials=void", "measured.gap.solver=0", "measured.gap.clutter=0"]  # no scan, clutter or creep
 TINY = [
     "run", "experiment=campaign", "tracking=off",
@@ -107,7 +106,6 @@ def disturbed(
     return completed(output, program, seconds, *more)
 
 
-@pytest.mark.slow
 def test_a_campaign_killed_twice_ends_with_the_same_files(tmp_path: Path) -> None:
     program, seconds = ["-c", MADE_UP], 120
     completed(tmp_path / "whole", program, seconds)
@@ -119,11 +117,89 @@ def test_a_campaign_killed_twice_ends_with_the_same_files(tmp_path: Path) -> Non
     assert "scored 1" in said
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("whole", [WITHOUT, ["materials=uniform", "measured.gap.solver=0", "profile.campaign.rover_rooms=[]"]])
 def test_a_traced_campaign_does_not_depend_on_the_number_of_workers_or_on_kills(tmp_path: Path, whole: list[str]) -> None:
-    """In this test, the second measurement campaign has scan errors, clutter and slow mechanical drift (creep)."""
+    """The second campaign has scan errors, clutter and slow mechanical drift (creep)."""
     program, seconds = ["-m", "radartwin"], 1800
     completed(tmp_path / "one", program, seconds, *whole, "jobs=1")
     disturbed(tmp_path / "killed", program, 3, 2.0, seconds, *whole, "jobs=2", recordings=finished(tmp_path / "one"))
     assert products(tmp_path / "killed") == products(tmp_path / "one")
+
+
+HEAD, TAIL = MADE_UP.split("truth.record, twin.record =")
+MISBEHAVING = f"""{HEAD}
+import os, signal
+from pathlib import Path
+
+HERE = Path(os.environ["MISBEHAVE"])
+calm = record
+
+def record(case, config, measured):
+    last = case.motion == "turntable"  # after others have been made
+    if last and (HERE / "DIE").exists():
+        os.kill(os.getpid(), signal.SIGKILL)
+    while last and (HERE / "HOLD").exists():
+        time.sleep(0.05)
+    return calm(case, config, measured)
+
+truth.record, twin.record ={TAIL.replace("sys.exit(main(sys.argv[1:]))", "")}
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
+"""
+
+
+def start_workers(folder: Path, output: Path) -> subprocess.Popen[str]:
+    (folder / "campaign.py").write_text(MISBEHAVING)
+    command = [sys.executable, str(folder / "campaign.py"), *TINY, *WITHOUT, f"output={output}", "jobs=2"]
+    return started(command, folder, MISBEHAVE=str(folder))
+
+
+def ended(folder: Path, output: Path) -> tuple[int, str, str]:
+    campaign = start_workers(folder, output)
+    said, complained = campaign.communicate(timeout=300)
+    return campaign.returncode, said, complained
+
+
+def resumes(folder: Path, output: Path, kept: dict[str, str]) -> None:
+    """Check that the campaign ends and keeps the products that it had made."""
+    code, _, complained = ended(folder, output)
+    assert code == 0, complained
+    assert kept.items() <= products(output).items()
+    assert finished(output) == RECORDINGS
+    assert not list(output.rglob("*.tmp"))
+
+
+def members(group: int) -> list[int]:
+    """Return the ids of the running processes in the process group `group`."""
+    found = subprocess.run(["pgrep", "-g", str(group), "-r", "R,S,D"], capture_output=True, text=True, check=False)
+    return [int(word) for word in found.stdout.split()]
+
+
+def test_a_killed_worker_loses_no_finished_recording(tmp_path: Path) -> None:
+    output = tmp_path / "out"
+    (tmp_path / "DIE").touch()
+    code, _, complained = ended(tmp_path, output)
+    assert code == 2, complained
+    assert "ended unexpectedly, perhaps because memory ran out. Finished recordings and tables are kept" in complained
+    assert "Traceback" not in complained
+    kept = products(output)
+    assert 0 < finished(output) < RECORDINGS
+    (tmp_path / "DIE").unlink()
+    resumes(tmp_path, output, kept)
+    code, printed, _ = ended(tmp_path, tmp_path / "calm")
+    assert code == 0
+    assert f"run: simulated {2 * RECORDINGS}, reused 0, scored 1" in printed, "recordings of the workers are not counted"
+    assert products(output) == products(tmp_path / "calm")
+
+
+def test_two_interrupts_end_all_workers_and_the_campaign_resumes(tmp_path: Path) -> None:
+    output = tmp_path / "out"
+    (tmp_path / "HOLD").touch()
+    campaign = start_workers(tmp_path, output)
+    wait_until(lambda: finished(output) or campaign.poll() is not None)
+    assert campaign.poll() is None, campaign.communicate()[1]
+    interrupted_twice(campaign)
+    wait_until(lambda: not members(campaign.pid))
+    kept = products(output)
+    (tmp_path / "HOLD").unlink()
+    resumes(tmp_path, output, kept)

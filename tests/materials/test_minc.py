@@ -18,9 +18,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::radartwin.materials.itu.StandIn
 
 
 def fresnel_db(permittivity_there: complex, incidence_deg: np.ndarray) -> np.ndarray:
-    """Return the reflectivity of a half-space for unpolarised waves in decibels, in the textbook form with refraction angles (Born and
-    Wolf, section 1.5.2).
-    """
+    """Return the reflectivity of a half-space for unpolarised waves in decibels (Born and Wolf, section 1.5.2)."""
     n = np.sqrt(permittivity_there)
     inside = np.arcsin(np.sin(np.radians(incidence_deg)) / n + 0j)
     outside = np.radians(incidence_deg)

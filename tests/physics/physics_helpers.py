@@ -5,11 +5,16 @@ from typing import Any
 import numpy as np
 from scipy.signal import fftconvolve
 
+import radartwin as rt
+from experiments.validation.oracles import traced
 from radartwin.constants import SPEED_OF_LIGHT
+from radartwin.scene import rooms
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation import geometry, variant
+from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.curved import tube_grid, tubes
 from radartwin.simulation.hits import Antennas, TraceOptions
+from radartwin.simulation.paths import Paths
 
 FREQUENCY = 77e9
 WAVELENGTH = SPEED_OF_LIGHT / FREQUENCY
@@ -36,6 +41,24 @@ def tube_hits(meshes, table, start, end=None, *, width=WAVELENGTH / 4, cross=Fal
     return tubes.trace(built, table, grid, sender, receiver, options or TraceOptions(1))
 
 
+def flat_room_paths(scene, poses, motion=None, **values):
+    """Return the paths of a scene whose room consists of flat faces, for the single antenna of the oracles."""
+    settings = TraceSettings(**{"room": "panels", "diffuse": False, **values})
+    return MitsubaBackend(settings).paths(scene, traced.MONOSTATIC, poses, motion)
+
+
+def between(parts, low_m, high_m, frame=0, frequency_hz=traced.MONOSTATIC.center_frequency_hz):
+    """Return the field of the paths of a frame between two lengths."""
+    parts = [part.frames(frame, frame + 1) if part.poses > 1 else part for part in parts]
+    return traced.field([part.where((part.length_m > low_m) & (part.length_m < high_m)) for part in parts], frequency_hz)
+
+
+def metal_wall(distance, half=3.0):
+    """Return a square wall that faces the origin from a distance along x."""
+    mesh = rooms.rectangle([distance, half, -half], -np.eye(3)[1], np.eye(3)[2], (2 * half, 2 * half))
+    return rt.Surface(mesh, "metal", "wall", role="room")
+
+
 def relative_error(ours, exact):
     """Return the norm of the difference between `ours` and `exact`, divided by the norm of `exact`."""
     return float(np.linalg.norm(ours - exact) / np.linalg.norm(exact))
@@ -58,6 +81,21 @@ def point_echo(radar, where, speed_mps=0.0, frames=1, amplitude=1.0):
     return (signal.real + 0j if radar.real_sampling else signal).astype(np.complex64)
 
 
+def echoes_ahead(*ranges_m):
+    """Return the paths of resting targets of unit amplitude on boresight."""
+    count, lengths, radar = len(ranges_m), np.array(ranges_m, float), rt.Radar.iwr1843()
+    forward, middle = np.tile([1.0, 0.0, 0.0], (count, 1)), np.array([radar.center_frequency_hz])
+    pose, once = np.zeros(count, int), np.ones(count, int)
+    return Paths(1, pose, once, np.ones((count, 1), complex), middle, lengths, lengths, forward, forward, np.zeros(count))
+
+
+def noisy(iq, deviation, seed=0):
+    """Return samples with complex Gaussian noise."""
+    rng = np.random.default_rng(seed)
+    noise = rng.standard_normal(iq.shape) + 1j * rng.standard_normal(iq.shape)
+    return (iq + deviation / np.sqrt(2) * noise).astype(np.complex64)
+
+
 def two_ways(screen, y, z, place, wall, wavenumber):
     """Return the echo of a mirror at x = `wall` behind a black screen at x = `place`, relative to the free echo, by Kirchhoff quadrature.
 
@@ -74,6 +112,31 @@ def two_ways(screen, y, z, place, wall, wavenumber):
     second = fftconvolve(source, factor * np.exp(1j * wavenumber * way) / way, mode="full")[len(y) - 1 :, len(z) - 1 :][: len(y), : len(z)]
     twice = factor * (source * second).sum()
     return 1 - (2 * once - twice) * 2 * wall * np.exp(-2j * wavenumber * wall)
+
+
+def picture(mesh, distance, step):
+    """Return the projection of a mesh from the origin on the plane x = distance, as the first arguments of `two_ways`."""
+    flat = mesh.triangles[..., 1:] * distance / mesh.triangles[..., :1]
+    y, z = (np.arange(flat[..., i].min() - step, flat[..., i].max() + step, step) for i in range(2))
+    screen = np.zeros((len(y), len(z)), bool)
+    for corners in flat:
+        a, b = corners[1:] - corners[0]
+        size = a[0] * b[1] - a[1] * b[0]
+        if abs(size) > 1e-12:
+            (i, k), (j, n) = (np.searchsorted(axis, (side.min(), side.max())) for axis, side in zip((y, z), corners.T, strict=True))
+            right, up = y[i:k, None] - corners[0, 0], z[j:n] - corners[0, 1]
+            u, v = (right * b[1] - up * b[0]) / size, (up * a[0] - right * a[1]) / size
+            screen[i:k, j:n] |= (u >= 0) & (v >= 0) & (u + v <= 1)
+    return screen.astype(float), y, z
+
+
+def assert_finite_and_passive(parts):
+    """Check that all values are finite, and that no path is stronger than twice the echo of a mirror."""
+    mirror = SPEED_OF_LIGHT / traced.MONOSTATIC.center_frequency_hz / (4 * np.pi)
+    for part in parts:
+        for value in (part.amplitude, part.length_m, part.departure, part.arrival, part.rate_mps):
+            assert np.isfinite(value).all()
+        assert (np.abs(part.amplitude).max(axis=1, initial=0) <= 2 * mirror / part.length_m).all()
 
 
 def mie_backscatter(radius):

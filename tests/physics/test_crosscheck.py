@@ -47,10 +47,7 @@ def test_an_empty_box_has_all_its_images() -> None:
 
 
 def test_screen_removes_images_and_cuts_fresnel_zones() -> None:
-    """A screen covers the front wall except for a slot around the mirror point; a second screen covers the slot as well.
-
-    At a quarter of the path, the Fresnel zone is two thirds as wide as on the wall.
-    """
+    """Screens leave a slot around the mirror point, a quarter of the path away, where the zone is two thirds as wide as on the wall."""
     ahead = (round(2 * (SIZE[0] - SENSOR[0]), 6), 1.0, 0.0, 0.0)
     zone = np.sqrt(299_792_458.0 / FREQUENCY_HZ * ahead[0]) / 2
     assert images(bounces=1)[ahead][1]
@@ -104,9 +101,7 @@ KNOWN_SHARES = {("lab", "furnished"): 0.75, ("atrium", "furnished"): 0.85, ("squ
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:the room has .* edges:radartwin.simulation.flat.room.RoomWarning")
 def test_the_cross_check_holds_in_every_room() -> None:
-    """Our paths contain every image within 40 dB of the strongest one, and every path that Sionna finds at a single pose. If transmitter
-    and receiver are apart, Sionna finds further paths in furnished rooms.
-    """
+    """If transmitter and receiver are apart, Sionna finds further paths in furnished rooms."""
     from radartwin.config.compose import compose
     from radartwin.io.progress import Progress
     from radartwin.runs.experiment import check_rows

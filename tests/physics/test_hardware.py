@@ -104,15 +104,17 @@ def test_line_loss_reduces_the_power_of_an_echo_once():
 
 def test_image_of_a_tone_matches_the_closed_form_and_is_filtered():
     """The image ratio is |1 - g exp(-j phi)| / |1 + g exp(j phi)|. A receiver in the mode Complex 1x keeps only images at short range."""
-    hardware = dataclasses.replace(IDEAL, gain_imbalance_db=1.0, phase_imbalance_deg=2.0)
-    tone = (np.exp(2j * np.pi * 30 * np.arange(256) / 256) * np.ones(SHAPE)).astype(np.complex64)
-    gain = 10 ** (1 / 20) * np.exp(1j * np.radians(2))
-    made = np.fft.fft(dataclasses.replace(hardware, image_filtered=False).digitised(tone, RADAR)[0][0, 0, 0, 0]) / 256
-    assert abs(made[-30] / made[30]) == pytest.approx(abs(1 - gain.conj()) / abs(1 + gain), rel=1e-3)
-    filtered = dataclasses.replace(hardware, if_filter=IfFilter())
-    assert abs(np.fft.fft(filtered.digitised(tone, RADAR)[0][0, 0, 0, 0])[-30] / 256) < 1e-4
-    near = (np.exp(2j * np.pi * 2 * np.arange(256) / 256) * np.ones(SHAPE)).astype(np.complex64)
-    assert abs(np.fft.fft(filtered.digitised(near, RADAR)[0][0, 0, 0, 0])[-2] / 256) > 0.5 * abs(made[-30])
+
+    def lines(number, **values):
+        """Return the spectrum of a tone at a spectral line."""
+        hardware = dataclasses.replace(IDEAL, gain_imbalance_db=1.0, phase_imbalance_deg=2.0, **values)
+        tone = (np.exp(2j * np.pi * number * np.arange(256) / 256) * np.ones(SHAPE)).astype(np.complex64)
+        return np.abs(np.fft.fft(hardware.digitised(tone, RADAR)[0][0, 0, 0, 0])) / 256
+
+    gain, made = 10 ** (1 / 20) * np.exp(1j * np.radians(2)), lines(30, image_filtered=False)
+    assert made[-30] / made[30] == pytest.approx(abs(1 - gain.conj()) / abs(1 + gain), rel=1e-3)
+    assert lines(30, if_filter=IfFilter())[-30] < 1e-4
+    assert lines(2, if_filter=IfFilter())[-2] > 0.5 * made[-30]
 
 
 def test_adc_adds_its_offset_rounds_and_saturates_at_full_scale():

@@ -59,9 +59,7 @@ def test_removed_power_reappears_in_the_half_space(height, length, angle_deg):
     [("metal", 0.0), ("metal", 60.0), ("concrete", 0.0), (Layered([("plasterboard", 0.0125)]), 0.0)],
 )
 def test_half_space_gets_the_fresnel_power_of_layered_faces(material, angle_deg):
-    """The scattered power plus the mirror reflection of the rough face is the mirror reflection of the smooth face. A dielectric meets this
-    at normal incidence only, because the facets that scatter back have the reflection coefficient of normal incidence.
-    """
+    """A dielectric meets this at normal incidence only, because facets that scatter back reflect as at normal incidence."""
     height, length, frequency = 0.3e-3, 5e-3, np.linspace(77e9, 80e9, 5)
     away, solid = half_space()
     cosine = np.array([np.cos(np.radians(angle_deg))])
@@ -74,9 +72,7 @@ def test_half_space_gets_the_fresnel_power_of_layered_faces(material, angle_deg)
 @pytest.mark.parametrize("height", [0.05e-3, 0.3e-3, 0.6e-3])
 @pytest.mark.parametrize("length", [2e-3, 5e-3])
 def test_backscatter_follows_the_scattering_integral(height, length):
-    """The tabulated backscatter of a conductor is within 1 dB of the integral at 0 to 30 degrees. The largest difference is the step that
-    restores the energy, at the shortest correlation length and the largest height.
-    """
+    """The table differs most at the step that restores the energy, at the shortest length and the largest height."""
     table = backscatter_lobe(height, length, K)
     for angle_deg in (0.0, 10.0, 20.0, 30.0):
         expected = scattering_integral(height, length, angle_deg)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 from physics_helpers import FREQUENCY, WAVELENGTH, K
+from posing import posed
 from scipy.integrate import quad
 from scipy.special import erfcx
 
@@ -38,13 +39,9 @@ def body(name: str) -> trimesh.Trimesh:
 def poses(elevation_deg: np.ndarray, polarization: str, distance_m: float) -> np.ndarray:
     """Return poses (F, 4, 4) of a sensor that looks at the origin; for H, the sensor is turned by 90 degrees about its line of sight."""
     angle = np.radians(elevation_deg)
-    x = -np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=1)
-    z = np.stack([-np.sin(angle), 0 * angle, np.cos(angle)], axis=1)
-    y = np.cross(z, x)
-    out = np.tile(np.eye(4), (len(angle), 1, 1))
-    out[:, :3, :3] = np.stack([x, y, z] if polarization == "V" else [x, -z, y], axis=2)
-    out[:, :3, 3] = -distance_m * x
-    return out
+    places = distance_m * np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=1)
+    upright = np.stack([-np.sin(angle), 0 * angle, np.cos(angle)], axis=1)
+    return posed(places, upright if polarization == "V" else np.tile([0.0, -1.0, 0.0], (len(angle), 1)))
 
 
 def errors(elevation_deg: np.ndarray, ours: np.ndarray, exact: np.ndarray) -> tuple[float, float, float]:
@@ -127,9 +124,7 @@ def physical_optics(radius: float, height: float, elevation: float) -> float:
 
 @pytest.mark.parametrize("density", [1.0, 4.0])
 def test_tubes_end_at_rims_as_physical_optics_does(density, monkeypatch):
-    """Without fringe currents, the echo of a can agrees with a quadrature of physical optics. The mesh has so many sides that its rim is a
-    circle.
-    """
+    """Without fringe currents. The mesh has so many sides that its rim is a circle."""
     monkeypatch.setattr(rims, "hits", lambda *_: [])
     mesh = body("can")
     angles = np.radians(np.arange(1.0, 90.0, 4.0))
@@ -143,9 +138,7 @@ def test_tubes_end_at_rims_as_physical_optics_does(density, monkeypatch):
 @pytest.mark.parametrize("opening", [1.5, 1.75, 4 / 3])
 @pytest.mark.parametrize("skew_deg", [90.0, 50.0])
 def test_fringe_currents_complete_physical_optics_to_keller(skew_deg, opening, hard):
-    """On the cone of diffracted rays, physical optics and fringe currents together have the coefficient of the geometrical theory of
-    diffraction, also for rays that are not perpendicular to the edge. Ref: J. Keller, J. Opt. Soc. Am. 52 (1962) 116.
-    """
+    """On the cone of diffracted rays, both together have the coefficient of J. Keller, J. Opt. Soc. Am. 52 (1962) 116."""
     sine, cosine, last = np.sin(np.radians(skew_deg)), np.cos(np.radians(skew_deg)), opening * np.pi
     faces = [
         (np.array([1.0, 0, 0]), np.array([0, 1.0, 0])),

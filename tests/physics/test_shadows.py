@@ -104,6 +104,9 @@ def test_mirror_of_a_polygon_matches_quadrature(name):
     errors = [abs(mirror(shape, place) - exact_mirror(shape, place)) for place in places]
     assert max(errors) < 0.01
     assert np.sqrt(np.mean(np.square(errors))) < 0.004
+    if name == "trapezium":  # from both sides
+        for place in ((1.0, 0.05, 0.02), (-1.0, 0.05, 0.02), (0.5, 0.3, 0.1), (-0.5, 0.3, 0.1), (2.0, -0.6, 0.2), (-2.0, -0.6, 0.2)):
+            assert abs(mirror(shape, place) - exact_mirror(shape, place)) < 0.006
 
 
 @pytest.mark.parametrize(("distance", "limit"), [(0.01, 0.1), (0.05, 0.05)])
@@ -128,23 +131,8 @@ def test_mirror_at_oblique_incidence_matches_quadrature(name):
                 assert there == pytest.approx(back, abs=2e-3)  # the source is moved by 0.05/k, the receiver is not
 
 
-def test_mirrors_side_by_side_add_up_to_the_whole():
-    """The seam between two halves of a polygon adds nothing to the sum of their fields, except that each half ignores its own far edges."""
-    rng = np.random.default_rng(1)
-    square = lifted(SHAPES["square"])
-    halves = [square.copy(), square.copy()]
-    halves[0][[1, 2], 1] = halves[1][[0, 3], 1] = 0.03
-    whole, parts = room_of(square), room_of(*halves)
-    for _ in range(12):
-        source = np.array([rng.uniform(0.4, 4), *rng.uniform(-0.5, 0.5, 2)])
-        receiver = source + rng.uniform(-0.3, 0.3, 3)
-        total = received(parts, [(0,), (1,)], source, receiver)
-        assert total == pytest.approx(received(whole, [(0,)], source, receiver), abs=4e-3)
-
-
 @pytest.mark.parametrize("degrees", [30.0, 50.0, 90.0, 120.0, 150.0])
 def test_mirror_above_a_corner_is_its_share_of_the_angle(degrees):
-    """In front of a polygon's corner, the factor is the corner's angle divided by 360 degrees."""
     angle = np.radians(degrees)
     wedge = [(0.0, 0.0), (6.0, 0.0), (6 * np.cos(angle), 6 * np.sin(angle))]
     for turn in np.linspace(0, 2 * np.pi, 9):
@@ -163,14 +151,6 @@ def test_mirror_is_continuous_across_an_edge():
             assert np.abs(np.diff(sides)).max() < 1e-3 + 50 * step
 
 
-@pytest.mark.parametrize("side", [1, -1])
-def test_mirror_reflects_on_both_sides(side):
-    ring = SHAPES["trapezium"]
-    for place in ((1.0, 0.05, 0.02), (0.5, 0.3, 0.1), (2.0, -0.6, 0.2)):
-        source = np.array(place) * (side, 1, 1)
-        assert abs(mirror(ring, source) - exact_mirror(ring, source)) < 0.006
-
-
 def image_of(value, length):
     """Return a received amplitude relative to that of an image at half the length."""
     return value * 4 * np.pi * length / WAVELENGTH * np.exp(-1j * K * length)
@@ -181,14 +161,13 @@ FOLD = rectangle((0.25, 0, 0), (0.25, 0, 0), (0, 0, 0.25)), rectangle((0, 0.25, 
 
 @pytest.mark.parametrize("sensor", [(1.0, 0.8, 0.02), (0.25, 0.25, 0.3)])
 def test_two_mirrors_at_a_right_angle_match_quadrature(sensor):
-    """For two faces of 0.5 m at a right angle, the sum of both orders of reflection agrees with quadrature of the double image."""
+    """The sum of both orders of reflection agrees with quadrature of the double image."""
     exact = sum(chain_quadrature(order, sensor, WAVELENGTH) for order in (FOLD, FOLD[::-1]))
     ours = received(room_of(*FOLD), [(0, 1), (1, 0)], sensor)
     assert abs(ours - image_of(exact, 2 * np.hypot(*sensor[:2]))) < 0.085
 
 
 def test_plate_in_a_fold_hides_the_double_reflection():
-    """A plate between two faces at a right angle interrupts the path between the faces, in both orders of reflection."""
     sensor = (1.0, 0.8, 0.02)
     whole = received(room_of(*FOLD), [(0, 1), (1, 0)], sensor)
     across = rectangle((0.2, 0.2, 0.0), (0.19, -0.19, 0), (0, 0, 0.5))

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from physics_helpers import picture
 
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
@@ -70,22 +71,9 @@ def test_shadow_of_an_object_as_made_is_that_of_its_picture():
     """The factor of a line agrees with quadrature over a picture of the object, which holds the object's triangles one by one."""
     mesh: Any = trimesh.util.concatenate([s.mesh for s in as_made(catalogue()["mug"], 1.0, np.random.default_rng(3))])
     mesh.apply_translation((1.0, 0.0, -mesh.bounds[:, 2].mean()))
-    body = skin(mesh)
-    pixel = 0.25e-3
-    grid = np.arange(-0.1, 0.1, pixel) + pixel / 2
-    covered = np.zeros((len(grid), len(grid)), bool)
-    for triangle in mesh.triangles:
-        flat = triangle[:, 1:] / triangle[:, :1]
-        low, high = np.searchsorted(grid, flat.min(axis=0)), np.searchsorted(grid, flat.max(axis=0))
-        y, z = np.meshgrid(grid[low[0] : high[0]], grid[low[1] : high[1]], indexing="ij")
-        a, b = flat[1] - flat[0], flat[2] - flat[0]
-        size = a[0] * b[1] - a[1] * b[0]
-        if abs(size) < 1e-12 or not y.size:
-            continue
-        u = ((y - flat[0, 0]) * b[1] - (z - flat[0, 1]) * b[0]) / size
-        v = ((z - flat[0, 1]) * a[0] - (y - flat[0, 0]) * a[1]) / size
-        covered[low[0] : high[0], low[1] : high[1]] |= (u >= 0) & (v >= 0) & (u + v <= 1)
-    y, z = (x[covered] for x in np.meshgrid(grid, grid, indexing="ij"))
+    body, pixel = skin(mesh), 0.25e-3
+    screen, *axes = picture(mesh, 1.0, pixel)
+    y, z = (x[screen > 0] for x in np.meshgrid(*axes, indexing="ij"))
     for aside in (0.0, 0.04, 0.1):
         receiver = np.array([2.5, aside, 0.02])
         to, back = np.sqrt(1 + y**2 + z**2), np.sqrt(1.5**2 + (y - receiver[1]) ** 2 + (z - receiver[2]) ** 2)

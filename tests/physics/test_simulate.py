@@ -10,38 +10,16 @@ import pytest
 from physics_helpers import at
 
 import radartwin as rt
-from radartwin.materials import reflection
 from radartwin.scene import objects
 from radartwin.scene.trajectories import trajectory
 
-C = 299_792_458.0
 RADAR = rt.Radar.iwr1843(element="isotropic")
 
 
-def profile(samples, bins=8192):
-    taper = np.hanning(samples.shape[-1])
-    return np.fft.fft(samples * taper, bins) / taper.sum()
-
-
-def facing(mesh, distance):
-    """Return a target at this distance that faces the sensor at the origin."""
-    return rt.Scene([rt.Surface(mesh, "metal", "target")]), {
-        "target": np.array([trajectory.pose([distance, 0, 0], np.diag([-1.0, -1.0, 1.0]))])
-    }
-
-
-@pytest.mark.parametrize("material", ["metal", "plasterboard", rt.Layered([("plasterboard", 0.0125)])])
-def test_large_wall_matches_its_image(material):
-    """The remaining difference comes from the edges of the wall."""
-    wall = rt.Scene([rt.Surface(objects.plate(8.0, 8.0), material, "wall")])
-    recording = rt.simulate(wall, RADAR, at(-2.0)[None])
-    f = RADAR.start_frequency_hz + RADAR.slope_hz_per_s * np.arange(256) / RADAR.sample_rate_hz
-    te, _ = reflection(material, np.array(1.0), f)
-    mirrored = RADAR.rx_positions * [-1, 1, 1] + [4.0, 0, 0]
-    length = np.linalg.norm(RADAR.tx_positions[:, None] - mirrored[None], axis=2)[..., None]
-    expected = np.conj(te) * C / f / (4 * np.pi * length) * np.exp(2j * np.pi * f * length / C)
-    inner = slice(32, 224)
-    assert np.linalg.norm((recording.iq[0, 0] - expected)[..., inner]) / np.linalg.norm(expected[..., inner]) < 0.08
+def level_near(samples, range_m, within_m):
+    """Return the highest level of a range profile near a range."""
+    away_m = np.abs(np.arange(256) * RADAR.unambiguous_range_m / 256 - range_m)
+    return np.abs(np.fft.fft(samples * np.hanning(256)))[away_m < within_m].max()
 
 
 def test_object_and_sensor_moving_together_pass_behind_a_screen():
@@ -51,8 +29,7 @@ def test_object_and_sensor_moving_together_pass_behind_a_screen():
     facing_back = along @ trajectory.pose([1.0, 0, 0], np.diag([-1.0, -1.0, 1.0]))
     scene = rt.Scene([screen, rt.Surface(objects.plate(0.05, 0.05), "metal", "plate")])
     iq = rt.simulate(scene, RADAR, along, motion={"plate": facing_back}).iq
-    bins = np.arange(256) * RADAR.unambiguous_range_m / 256
-    level = [np.abs(profile(frame[0, 0, 0], 256))[np.abs(bins - 1.0) < 0.07].max() for frame in iq]
+    level = [level_near(frame[0, 0, 0], 1.0, 0.07) for frame in iq]
     assert level[0] == pytest.approx(level[2], rel=0.05)
     assert level[1] < 0.1 * level[0]
 
@@ -68,9 +45,10 @@ def test_long_thin_and_large_round_targets_are_traced_finely():
 
 
 def test_real_sampling_has_no_imaginary_part():
-    scene, motion = facing(objects.plate(0.1, 0.1), 1.0)
-    radar = dataclasses.replace(RADAR, real_sampling=True)
-    assert not rt.simulate(scene, radar, np.eye(4)[None], motion=motion).iq.imag.any()
+    scene = rt.Scene([rt.Surface(objects.plate(0.1, 0.1), "metal", "target")])
+    iq = rt.simulate(scene, dataclasses.replace(RADAR, real_sampling=True), at(-1.0)[None]).iq
+    assert iq.any()
+    assert not iq.imag.any()
 
 
 def test_small_object_survives_beside_a_bright_wall():
@@ -80,9 +58,7 @@ def test_small_object_survives_beside_a_bright_wall():
     alone = rt.simulate(rt.Scene([rt.Surface(ball, "metal", "ball")]), RADAR, np.eye(4)[None])
     scene = rt.Scene([rt.Surface(ball, "metal", "ball"), rt.Surface(wall, "metal", "wall")])
     both = rt.simulate(scene, RADAR, np.eye(4)[None])
-    bins = np.arange(256) * RADAR.unambiguous_range_m / 256
-    near = np.abs(bins - 1.5) < 0.1
-    a, b = (np.abs(profile(r.iq[0, 0, 0, 0], 256))[near].max() for r in (alone, both))
+    a, b = (level_near(r.iq[0, 0, 0, 0], 1.5, 0.1) for r in (alone, both))
     assert 20 * np.log10(b / a) == pytest.approx(0, abs=0.5)
 
 

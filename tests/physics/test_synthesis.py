@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 import pytest
-from physics_helpers import relative_error
+from physics_helpers import echoes_ahead, relative_error
 
 from radartwin import compiled
 from radartwin.errors import InputError
@@ -76,9 +76,7 @@ def test_multiple_echoes_of_a_slab_match_paths_of_their_own(nodes, thickness_m, 
 
 
 def test_element_pattern_applies_at_both_ends():
-    paths = random_paths(1, 1, 0.0)
-    forward = np.array([[1.0, 0.0, 0.0]])
-    paths = Paths(**{**vars(paths), "departure": forward, "arrival": forward})
+    paths = echoes_ahead(2.0)
     ratio = np.abs(synthesize(paths, Radar.iwr1843())).max() / np.abs(synthesize(paths, Radar.iwr1843(element="isotropic"))).max()
     assert 20 * np.log10(ratio) == pytest.approx(2 * 10.5, abs=0.05)
 
@@ -157,16 +155,12 @@ def test_frames_are_added_to_the_given_array():
 def test_planar_elements_have_the_error_of_the_wavefront_curvature(range_m, degrees):
     """The largest phase error over the array is the value in reference/array_phase_error_deg.csv."""
     radar = Radar.iwr1843(element="isotropic")
-    forward = np.array([[1.0, 0.0, 0.0]])
-    rest = (np.ones((1, 1), complex), np.array([radar.center_frequency_hz]), np.array([range_m]), np.array([range_m]), forward, forward)
-    paths = Paths(1, np.zeros(1, int), np.ones(1, int), *rest, np.zeros(1))
-    exact, planar = (synthesize(paths, radar, elements=e)[0, 0, :, :, 0] for e in ("exact", "planar"))
+    exact, planar = (synthesize(echoes_ahead(range_m), radar, elements=e)[0, 0, :, :, 0] for e in ("exact", "planar"))
     error = np.degrees(np.abs(np.angle(exact * planar.conj())).max())
     assert error == pytest.approx(degrees, rel=0.01)
 
 
 def test_compiled_code_works_without_a_writable_cache():
-    """If no folder for the machine code can be written, functions are compiled in memory."""
     code = (
         "import numba.core.caching as c\n"
         "c.CacheImpl._locator_classes = []\n"

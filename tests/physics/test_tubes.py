@@ -18,11 +18,7 @@ from radartwin.simulation.hits import Antennas, TraceOptions
     [(4.0, {"S": 0.1, "S W": 0.5, "W S": 0.2, "W S W": 0.5}), (16.0, {"S": 0.1, "S W": 0.25, "W S": 0.1, "W S W": 0.2})],
 )
 def test_sphere_and_wall_match_geometric_optics(density, bound_db):
-    """The fields of paths over a sphere and a wall agree with geometric optics for three orders of reflection: sphere - wall, wall -
-    sphere and wall - sphere - wall.
-
-    A sphere of 5 cm, 30 cm from a wall, is seen from the side, where the reflections on the sphere are far from its shadow line.
-    """
+    """A sphere of 5 cm, 30 cm from a wall, is seen from the side, where the reflections on the sphere are far from its shadow line."""
     variant.activate()
     sensor, centre, radius, wall_x = np.zeros(3), np.array([0.3, 1.0, 0.0]), 0.05, 0.6
     image = np.array([2 * wall_x, 0, 0])
@@ -50,9 +46,7 @@ def test_sphere_and_wall_match_geometric_optics(density, bound_db):
 
 @pytest.mark.parametrize("bounces", [1, 2])
 def test_divided_tubes_sum_to_one(bounces):
-    """The weights of whole tubes, of narrow tubes and of the pieces along the rims sum to one at random points of the ray grid on a can, of
-    which the radar sees the side and the upper end.
-    """
+    """The radar sees the side and the upper end of a can; the weights of whole, narrow and cut tubes are summed at random points."""
     variant.activate()
     from radartwin.simulation.curved import borders, division
     from radartwin.simulation.curved.borders import PIECES
@@ -109,12 +103,7 @@ def caustics(direction, footprint, way):
 
 @pytest.mark.parametrize("foci_m", [(np.inf, np.inf), (1.0, np.inf), (3.0, 1.0), (1.0, 1.5), (1.0, 1.0), (3.0, 4.0), (-1.0, 1.0)])
 def test_field_advances_a_quarter_cycle_at_each_focal_line(foci_m):
-    """The phase of the tubes after a focal line agrees with the diffraction integral of a converging wave along each axis in closed form,
-    exp(-j k x^2 (1/z - 1/f)/2).
-
-    The test compares the difference between the phase of the field far behind the focus and its phase before the focus, under exp(+j omega
-    t).
-    """
+    """The phase behind the focus less that before it is that of the diffraction integral exp(-j k x^2 (1/z - 1/f)/2) of each axis."""
     way = 2.0
     expected = np.prod([np.sqrt(1 / (1e-9 + 1j * (1 / way - 1 / f))) / np.sqrt(1 / (1e-9 + 1j * (1 / 1e-3 - 1 / f))) for f in foci_m])
     expected /= abs(expected)
@@ -126,9 +115,7 @@ def test_field_advances_a_quarter_cycle_at_each_focal_line(foci_m):
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_diverging_tube_passes_no_caustic_within_nanometres(sign):
-    """A diverging tube has no caustic ahead, even if its next facet is a few nanometres away, as at the edge of two faces. The numbers are
-    those of a tube at the edge of the rover's block: its cross-section has terms of 1e-6 and 1e-22, whose product is subnormal.
-    """
+    """The cross-section has terms of 1e-6 and 1e-22, whose product is subnormal, as at an edge of two faces."""
     cross_section = [(sign * 0.00230769, 0, sign * 0.00386094), (0.00153846, 0, -1.7e-10)]
     cross_section += [(sign * 0.0009777, 0, sign * 0.00163578), (0.00475697, 0, -0.00245366)]
     assert caustics((0, 1, 0), cross_section, 3.6e-9) == 0
@@ -136,9 +123,7 @@ def test_a_diverging_tube_passes_no_caustic_within_nanometres(sign):
 
 @pytest.mark.parametrize("material", ["metal", rt.Layered([("glass", 0.003)], "water"), rt.Layered([("pet", 0.001)])])
 def test_poses_of_a_grid_are_independent(material):
-    """The fields at a sensor pose must not depend on the other poses in the same call of the tracer, also with pruning, several frequency
-    nodes and hollow objects.
-    """
+    """With pruning, several frequency nodes and hollow objects too."""
     table = reflection_table.build([(material, 0.0)], 77e9, 80.4e9)
     at = np.random.default_rng(0).normal([1.5, 0, 0], 0.3, (6, 3))
     values = []

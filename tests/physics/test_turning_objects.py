@@ -55,8 +55,6 @@ def test_harmonic_ratio_of_the_reflector_is_stable_in_its_far_field(campaign: Ca
 
 
 def test_brightness_of_a_can_follows_the_range_law_of_a_line(campaign: Campaign) -> None:
-    """Within H^2 / lambda = 2.7 m, a standing cylinder is a line source, so that its echo power falls with R^3. Per doubling of the
-    distance, this is 3 dB less than with R^4.
-    """
+    """Within H^2 / lambda = 2.7 m, the echo of a standing cylinder falls with R^3 instead of R^4."""
     bright = {distance: values["brightness_db"] for distance, values in turning(campaign, "can_211_400").items()}
     assert bright[2.0] - bright[1.0] == pytest.approx(3, abs=2)

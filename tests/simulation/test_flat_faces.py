@@ -97,13 +97,6 @@ def test_gap_is_filled_only_beside_both_plates():
     assert sorted(areas(found(one, two))) == pytest.approx(sorted([notched + 0.7 * 0.003, 1.7 * 1.997 + 0.7 * 0.003]))
 
 
-def test_equal_planes_count_once():
-    wall = trimesh.Trimesh([[2, -1, -1], [2, 1, -1], [2, 1, 1], [2, -1, 1]], [[0, 1, 2], [0, 2, 3]])
-    patch = wall.copy().apply_scale([1, 0.2, 0.2])
-    area = np.linalg.norm(np.cross(*np.diff(found(wall, wall, patch).triangle, axis=1).transpose(1, 0, 2)), axis=1) / 2
-    assert area.sum() == pytest.approx(4.0)
-
-
 L_FLOOR = [(0, 0), (4, 0), (4, 2), (2, 2), (2, 5), (0, 5)]
 U_FLOOR = [(0, 0), (6, 0), (6, 4), (4, 4), (4, 1), (2, 1), (2, 4), (0, 4)]
 TURNED = trimesh.transformations.rotation_matrix(1.3, [0.7, -1.1, 0.4])
@@ -186,3 +179,9 @@ def test_cabinet_on_the_floor_has_edges_above_the_floor_only():
 def test_curved_surfaces_have_no_faces():
     assert len(found(objects.sphere(0.3)).offset) == 0
     assert (np.abs(found(objects.cylinder(0.2, 1.0)).normal[:, 2]) > 0.99).all()
+
+
+def test_equal_planes_count_once():
+    """A second wall in the place of the first, and a patch in the plane of a wall."""
+    wall = objects.plate(2.0, 2.0)
+    assert areas(found(wall, wall, wall.copy().apply_scale([1, 0.2, 0.2]))).sum() == pytest.approx(4.0)

@@ -11,10 +11,9 @@ import pytest
 from experiments.speed.flat_of_rooms import flat
 from radartwin.radar.chirp import Radar
 from radartwin.scene.trajectories import trajectory
-from radartwin.simulation import geometry, variant
+from radartwin.simulation import variant
 from radartwin.simulation.backends import mitsuba, static_scene
 from radartwin.simulation.backends.static_scene import StaticScene
-from radartwin.simulation.flat import faces as faces_module
 from radartwin.simulation.flat import search
 from radartwin.simulation.flat.room import RoomWarning
 from radartwin.simulation.paths import Paths
@@ -56,18 +55,6 @@ def test_a_lower_threshold_of_the_search_changes_the_paths_as_little_as_pruning_
     assert len(found[1].sequences) > len(found[0].sequences)
     few, many = (strengths(static.room_paths(poses, RADAR, 4, PRUNE, one)) for one in found)
     assert abs(few.sum() - many.sum()) < 0.027 * many.sum()
-
-
-def test_faces_of_two_distant_rooms_are_those_of_each_room() -> None:
-    scene, _ = flat(300)
-    meshes = [one.mesh for one in scene.surfaces]
-    apart = [mesh.copy().apply_translation([60.0, 0.0, 0.0]) for mesh in meshes]
-    one, _ = faces_module.find(geometry.build(meshes))
-    both, _ = faces_module.find(geometry.build([*meshes, *apart]))
-    assert len(both.offset) == 2 * len(one.offset)
-    assert len(both.length) == 2 * len(one.length)
-    assert both.length.sum() == pytest.approx(2 * one.length.sum())
-    assert both.opening.sum() == pytest.approx(2 * one.opening.sum())
 
 
 def test_room_of_too_many_faces_is_traced_by_tubes_with_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from posing import turning
 
 from experiments.validation.oracles import traced
 from radartwin.radar.chirp import Radar
@@ -38,8 +39,7 @@ def test_few_aspects_of_a_shadow_stand_for_many(name, aspects):
 
     def shadow(count):
         angle = 2 * np.pi * np.arange(count) / count
-        poses = np.tile(np.eye(4), (count, 1, 1))
-        poses[:, 0, 0], poses[:, 0, 1], poses[:, 1, 0], poses[:, 1, 1] = np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)
+        poses = turning("z", angle)
         poses[:, :3, 3] = poses[:, :3, :3] @ [0.003, 0.0, -0.05] + [1.0, 0.02, 0.0]
         return received(drives.shadow(target, sensor, poses), radar, count, oscillator=None)[:, 0]
 

@@ -1,16 +1,18 @@
-"""Reflection and transmission of stacks, independently of the package where FITS has the material, for the time factor exp(+j omega t)."""
+"""Transmission of stacks, independently of the package where `FITS` or the oracle has the material, for the time factor exp(+j omega t)."""
 
 import numpy as np
+from scipy.constants import epsilon_0
 
-from radartwin import materials
+from experiments.validation.oracles import stack
+from radartwin.constants import SPEED_OF_LIGHT as C
 
-C = 299_792_458.0
-EPS0 = 8.8541878128e-12
 # relative permittivity at f GHz: real part, and c and d of the conductivity c f^d (ITU-R P.2040-4, table 3); HDPE from J. Lamb 1996
 FITS = {
-    "glass": (6.31, 0.0036, 1.3394), "plasterboard": (2.73, 0.0085, 0.9395), "wood": (1.99, 0.0047, 1.0718),
-    "chipboard": (2.58, 0.0217, 0.7800), "ceiling_board": (1.48, 0.0011, 1.0750),
-}  # fmt: skip
+    **stack.BUILDING,
+    "chipboard": (2.58, 0.0217, 0.7800),
+    "ceiling_board": (1.48, 0.0011, 1.0750),
+    "floorboard": (3.66, 0.0044, 1.3515),
+}
 PANES = {
     "glass 6 mm": [("glass", 0.006)],
     "plasterboard 15 mm": [("plasterboard", 0.015)],
@@ -25,9 +27,9 @@ def permittivity(name, f):
     if name == "hdpe":
         return 2.31 * (1 - 0.0003j)
     if name not in FITS:
-        return complex(materials.permittivity(name, f))
+        return stack.permittivity(name, f)
     real, c, d = FITS[name]
-    return real - 1j * c * (f / 1e9) ** d / (2 * np.pi * f * EPS0)
+    return real - 1j * c * (f / 1e9) ** d / (2 * np.pi * f * epsilon_0)
 
 
 def tangential(layers, backing, cosine, f, parallel):
