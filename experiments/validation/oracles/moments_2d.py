@@ -26,97 +26,22 @@ LAPACK's LU decomposition in single precision solves every frequency directly.
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
-from functools import cache
-from typing import Any
 
 import numpy as np
-from numpy.polynomial import Chebyshev, Polynomial
 from scipy.linalg import lu_factor, lu_solve
-from scipy.special import hankel1, j0, y0, zeta
+from scipy.spatial.distance import cdist, pdist, squareform
+from scipy.special import j0, y0, zeta
 
 from experiments.validation.oracles.case import SPEED_OF_LIGHT
-from radartwin.compiled import compiled, innermost
 
 PER_WAVELENGTH = 5.0  # nodes per wavelength of the highest frequency
 ROUNDING = 3.0  # number of nodes over which the spacing shrinks towards the end of a strip
-BORDER = 4.0  # argument at which the approximation of the Hankel function changes from one polynomial to the other
 INSET = 0.1  # the ends of a damping sheet are moved from the corners of its body towards the centroid by this share
 EULER = 0.5772156649015329
 # Corrections (self, first, second neighbour) of the trapezoidal rule for log|t| times a polynomial: their moments of t^2 and t^4 are
 # 2 zeta'(-2) and 2 zeta'(-4). The moment of the constant is in the self term.
 SECOND, FOURTH = -float(zeta(3)) / (2 * np.pi**2), 3 * float(zeta(5)) / (2 * np.pi**4)
 CORRECTIONS = np.array([-(5 * SECOND - FOURTH) / 4, (4 * SECOND - FOURTH) / 6, (FOURTH - SECOND) / 24])
-
-
-@cache
-def _coefficients() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the polynomials of `_hankel`: J0 and the regular part of Y0 in x^2 below BORDER, and the real and imaginary part of
-    sqrt(x) exp(-j x) H0 in 1/x above BORDER.
-    """
-
-    def fitted(function: Any, degree: int, end: float) -> np.ndarray:
-        return Chebyshev.interpolate(function, degree, [0.0, end]).convert(kind=Polynomial, domain=[-1, 1], window=[-1, 1]).coef
-
-    def regular(square: np.ndarray) -> np.ndarray:
-        x = np.sqrt(np.maximum(square, 1e-12))
-        return y0(x) - 2 / np.pi * np.log(x / 2) * j0(x)
-
-    def slow(inverse: Any) -> Any:
-        x = 1 / np.maximum(inverse, 1e-6)
-        return np.sqrt(x) * np.exp(-1j * x) * hankel1(0, x)
-
-    square, inverse = BORDER**2, 1 / BORDER
-    return (
-        fitted(lambda t: j0(np.sqrt(t)), 10, square), fitted(regular, 10, square),
-        fitted(lambda t: slow(t).real, 8, inverse), fitted(lambda t: slow(t).imag, 8, inverse),
-    )  # fmt: skip
-
-
-@innermost
-def _polynomial(coefficients, x):
-    value = coefficients[-1]
-    for i in range(len(coefficients) - 2, -1, -1):
-        value = value * x + coefficients[i]
-    return value
-
-
-@innermost
-def _hankel(x, regular_j, regular_y, slow_real, slow_imaginary):
-    """Return H0(1)(x) for x > 0."""
-    if x < BORDER:
-        bessel = _polynomial(regular_j, x * x)
-        return complex(bessel, _polynomial(regular_y, x * x) + 2 / np.pi * np.log(x / 2) * bessel)
-    phase = complex(np.cos(x), np.sin(x)) / np.sqrt(x)
-    return phase * complex(_polynomial(slow_real, 1 / x), _polynomial(slow_imaginary, 1 / x))
-
-
-@compiled
-def _hankels(x, out, regular_j, regular_y, slow_real, slow_imaginary):
-    for i in range(len(x)):
-        out[i] = _hankel(x[i], regular_j, regular_y, slow_real, slow_imaginary)
-
-
-def hankel(x: np.ndarray) -> np.ndarray:
-    """Return the Hankel function H0(1) of positive arguments, with a relative error below 1e-9.
-
-    >>> bool(np.allclose(hankel(np.array([0.01, 3.9, 4.1, 5000.0])), hankel1(0, [0.01, 3.9, 4.1, 5000.0]), rtol=1e-9))
-    True
-    """
-    out = np.zeros(x.size, complex)
-    _hankels(np.ascontiguousarray(x, float).ravel(), out, *_coefficients())
-    return out.reshape(x.shape)
-
-
-@compiled
-def _fill(matrix, k, x, y, weight, regular_j, regular_y, slow_real, slow_imaginary):
-    """Fill the matrix (N, N), in Fortran order, with the fields at nodes (rows) of unit q at other nodes (columns)."""
-    for source in range(len(x)):
-        for field in range(source):
-            away_x, away_y = x[field] - x[source], y[field] - y[source]
-            argument = k * np.sqrt(away_x * away_x + away_y * away_y)
-            value = complex(0.0, 0.25) * _hankel(argument, regular_j, regular_y, slow_real, slow_imaginary)
-            matrix[field, source] = value * weight[source]
-            matrix[source, field] = value * weight[field]
 
 
 @dataclass(frozen=True)
@@ -204,9 +129,9 @@ def field(at: Nodes, frequency_hz: float, source: np.ndarray, receivers: np.ndar
     k = 2 * np.pi * frequency_hz / SPEED_OF_LIGHT
     current = lu_solve(
         lu_factor(_matrix(at, k, precision), overwrite_a=True, check_finite=False),
-        -_green(k, at.point, source[None])[:, 0].astype(precision), check_finite=False,
+        -_green(k, cdist(at.point, source[None]))[:, 0].astype(precision), check_finite=False,
     )  # fmt: skip
-    return (_green(k, receivers, at.point) * at.weight) @ current.astype(complex)
+    return (_green(k, cdist(receivers, at.point)) * at.weight) @ current.astype(complex)
 
 
 def sweep(at: Nodes, frequencies_hz: np.ndarray, source: np.ndarray, receiver: np.ndarray) -> np.ndarray:
@@ -214,15 +139,14 @@ def sweep(at: Nodes, frequencies_hz: np.ndarray, source: np.ndarray, receiver: n
     return np.array([field(at, f, source, receiver[None])[0] for f in frequencies_hz])
 
 
-def _green(k: float, to: np.ndarray, origin: np.ndarray) -> np.ndarray:
-    """Return the fields (N, M) at points (N, 2) of unit line sources at points (M, 2)."""
-    return 0.25j * hankel(k * np.linalg.norm(to[:, None] - origin[None], axis=2))
+def _green(k: float, distance_m: np.ndarray) -> np.ndarray:
+    """Return the field of a unit line source at distances in metres."""
+    return 0.25j * (j0(k * distance_m) + 1j * y0(k * distance_m))
 
 
 def _matrix(at: Nodes, k: float, precision: type) -> np.ndarray:
     """Return the matrix (N, N) of the integral equation. The near field of a node is -log(r) J0(k r)/(2 pi) plus a smooth function."""
-    matrix = np.zeros((len(at), len(at)), precision, order="F")
-    _fill(matrix, k, *at.point.T.copy(), at.weight, *_coefficients())
+    matrix = squareform(_green(k, pdist(at.point)).astype(precision)) * at.weight.astype(np.zeros(0, precision).real.dtype)
     row = np.arange(len(at))
     for column, correction in zip(at.beside.T, CORRECTIONS[[1, 2, 1, 2]], strict=True):
         away = k * np.linalg.norm(at.point[column] - at.point, axis=1)
