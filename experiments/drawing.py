@@ -13,6 +13,8 @@ from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, TEXT_PT
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+else:
+    Axes = Figure = Any  # no module imports Matplotlib before it draws
 
 OFFSETS = (  # (right, up) of a label from its point, in units of 1/72 inch; preferred offsets come first
     (5, 0), (5, 6), (5, -6), (-5, 0), (-5, 6), (-5, -6), (0, 8), (0, -8), (5, 11), (5, -11), (-5, 11), (-5, -11),

@@ -11,12 +11,12 @@ The spheres are at rest, so that their echoes are coherent. For the spheres, the
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from experiments import statistics
-from experiments.drawing import legend_above
+from experiments.drawing import Figure, legend_above
 from experiments.statistics import Estimate
 from experiments.verdicts import BELOW, Claim, RowList
 from radartwin.config.config import Config
@@ -35,9 +35,6 @@ from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.simulate import simulate
 from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="angle_resolution",

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from experiments import statistics
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import LABELS, RAIL, ROVER, Case, Log, Motion
-from experiments.drawing import range_map
+from experiments.drawing import Figure, range_map
 from experiments.verdicts import RowList
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
@@ -35,9 +35,6 @@ from radartwin.radar.recording import Recording
 from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 READS = ("pairs",)  # options experiment.NAME of this experiment
 TABLE = Table(

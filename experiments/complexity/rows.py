@@ -6,12 +6,13 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from experiments.campaign.cases import Case
 from experiments.complexity import timing
+from experiments.drawing import Figure
 from experiments.statistics import Estimate, bootstrap, exact
 from experiments.verdicts import BELOW, NONE, Claim, row
 from radartwin.adaptive.choice import Choice
@@ -19,9 +20,6 @@ from radartwin.adaptive.scene_settings import LADDER, Model
 from radartwin.config.config import Config
 from radartwin.features.sets import SETS
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 CHEAPER = 3.0  # claimed median of the ratio (run time of the fixed default) / (run time of auto)
 SHAPE, MULTIPATH, EVERYTHING = "shape", "multipath share", "everything"

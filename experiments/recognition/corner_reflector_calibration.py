@@ -9,14 +9,13 @@ calibration, metal objects agree with the measurement, dielectric objects stay t
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from experiments.campaign.cases import COMPARED, REFLECTOR
 from experiments.campaign.frame import Frame, balanced, by_revolution
 from experiments.cells import Cell, first_draw, paired, table_rows, using
-from experiments.drawing import legend_above
+from experiments.drawing import Figure, legend_above
 from experiments.draws import Query
 from experiments.recognition.readings import MOTION, reflector
 from experiments.statistics import clustered, difference, exact
@@ -28,9 +27,6 @@ from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="corner_reflector_calibration",

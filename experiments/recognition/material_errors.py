@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from experiments.campaign.cases import MEASURED, TWIN
 from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
 from experiments.cells import Cell, keys, table_rows, using
-from experiments.drawing import error_bars
+from experiments.drawing import Figure, error_bars
 from experiments.draws import Part, Query
 from experiments.recognition import transfer
 from experiments.recognition.protocol import FLOOR_ONLY, Scored, correct, statistics_columns
@@ -32,9 +32,6 @@ from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.recognize.score import uniform_chance
 from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="material_errors",

@@ -5,17 +5,14 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.drawing import error_bars, place
+from experiments.drawing import Figure, error_bars, place
 from radartwin.plotting.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.recognize.samples import MEASURED, Samples
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 GREY = "0.65"
 MOST_LEVEL = 6  # largest number of groups of bars whose names fit side by side

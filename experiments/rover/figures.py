@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED
 from experiments.campaign.frame import Frame
-from experiments.drawing import range_map
+from experiments.drawing import Figure, range_map
 from radartwin.features.profile import FAR_M, NEAR_M
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.scene.objects.catalogue import catalogue
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SHOWN = ("corner_reflector", "can_211_400", "mug", "mustard")  # the reflector and one object of each material class
 SPAN_DB = 50.0

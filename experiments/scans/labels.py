@@ -11,11 +11,12 @@ table then compares the mean reflection error of each source in decibels with th
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from experiments import statistics, verdicts
+from experiments.drawing import Figure
 from experiments.scans import virtual_scan
 from experiments.statistics import Estimate
 from radartwin.config.config import Config
@@ -26,9 +27,6 @@ from radartwin.runs.experiment import Result, Table
 from radartwin.scene import rooms
 from radartwin.scene.scene import Scene
 from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="labels",

@@ -14,11 +14,12 @@ import dataclasses
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from experiments import statistics, verdicts
+from experiments.drawing import Figure
 from experiments.scans import virtual_scan
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
@@ -27,9 +28,6 @@ from radartwin.runs.experiment import Result, Table
 from radartwin.scene import rooms
 from radartwin.scene.scene import Scene
 from radartwin.store.products import Product, Store, save_json
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="scan",

@@ -11,10 +11,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from experiments.drawing import Figure
 from experiments.speed.flat_of_rooms import flat
 from experiments.speed.machine import machine
 from experiments.statistics import Estimate, exact
@@ -34,9 +35,6 @@ from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.pruning import PRUNE
 from radartwin.simulation.simulate import simulate, trace_paths
 from radartwin.store.products import Store, save_json
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="growth",

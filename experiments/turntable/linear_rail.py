@@ -9,7 +9,7 @@ expected diagonal excursion is that of the logged motion, 0.49 m.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from experiments.campaign.cases import COMPARED, LABELS, MEASURED, RAIL, TWIN
 from experiments.campaign.columns import TRACKERS
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell, first_draw, keys, mean, paired, table_rows
-from experiments.drawing import DOMAIN_STYLES, legend_above
+from experiments.drawing import DOMAIN_STYLES, Figure, legend_above
 from experiments.draws import Query
 from experiments.verdicts import BELOW, NONE, Claim, within
 from radartwin.config.config import Config
@@ -29,9 +29,6 @@ from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, figure
 from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="linear_rail",

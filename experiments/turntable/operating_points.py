@@ -21,7 +21,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,15 +29,12 @@ from experiments import statistics
 from experiments.campaign.cases import BENCH_ROOM, MEASURED, REFLECTOR, TWIN, VOID, Case, draws
 from experiments.campaign.columns import AVERAGES
 from experiments.campaign.frame import Frame
-from experiments.drawing import legend_above
+from experiments.drawing import Figure, legend_above
 from experiments.verdicts import Claim, RowList
 from radartwin.config.config import Config
 from radartwin.features.profile import beyond_target_share, gate_energies, profile_correlation
 from radartwin.plotting.style import PAGE_WIDTH_IN, figure
 from radartwin.scene.objects.catalogue import OTHER_LEGS_M, REFLECTOR_LEG_M
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 DISTANCE_M = 2.0
 LEGS_M = {"quick": (0.05, 0.07, REFLECTOR_LEG_M, 0.12), "paper": tuple(sorted((*OTHER_LEGS_M, REFLECTOR_LEG_M)))}

@@ -9,7 +9,6 @@ to the cans, so that a gain difference between measurement and simulation has no
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TW
 from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
 from experiments.cells import Cell, difference, first_draw, gap, keys, mean, per, table_rows
-from experiments.drawing import DOMAIN_STYLES, legend_above, panels_width_in
+from experiments.drawing import DOMAIN_STYLES, Figure, legend_above, panels_width_in
 from experiments.draws import Query
 from experiments.verdicts import BELOW, NONE, Claim
 from radartwin.config.config import Config
@@ -27,9 +26,6 @@ from radartwin.io.progress import Progress
 from radartwin.plotting.style import figure
 from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="turntable_material",

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from experiments import statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN
 from experiments.campaign.frame import Column, Frame
 from experiments.cells import Cell, first_draw, joined_rows, keys, mantel, mean, paired, per, rank_correlation, table_rows, using
-from experiments.drawing import DOMAIN_STYLES, legend_above
+from experiments.drawing import DOMAIN_STYLES, Figure, legend_above
 from experiments.draws import Query
 from experiments.statistics import Estimate
 from experiments.turntable.facet_ripple import ripple_rows
@@ -33,9 +32,6 @@ from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="turntable_shape",

@@ -9,7 +9,6 @@ the whole mesh and may show a trend.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from experiments import statistics
 from experiments.campaign.cases import COMPARED, LABELS
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell, first_draw, keys, per, rank_correlation, table_rows, using
-from experiments.drawing import DOMAIN_STYLES, legend_above, panels_width_in
+from experiments.drawing import DOMAIN_STYLES, Figure, legend_above, panels_width_in
 from experiments.draws import Query
 from experiments.statistics import Estimate
 from experiments.turntable.turntable_shape import is_can
@@ -31,9 +30,6 @@ from radartwin.plotting.style import figure
 from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="turntable_size",

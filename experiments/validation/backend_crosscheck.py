@@ -18,11 +18,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from experiments import statistics, verdicts
+from experiments.drawing import Figure
 from experiments.validation.oracles.rooms import rotation
 from experiments.validation.oracles.shells import Room
 from experiments.validation.path_match import PathSet, partners, together
@@ -42,9 +43,6 @@ from radartwin.simulation.backends.sionna_scene import quiet
 from radartwin.simulation.backends.static_scene import small_faces
 from radartwin.simulation.paths import Paths
 from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="backend_crosscheck",

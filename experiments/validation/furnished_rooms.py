@@ -15,10 +15,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from experiments.drawing import Figure
 from experiments.validation.oracles import fullwave, furnished
 from experiments.validation.oracles.case import Case, Finding, Untestable
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure, save
@@ -26,9 +26,6 @@ from radartwin.scene.scene import Scene
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.signal.synthesis import received
 from radartwin.simulation.simulate import trace_paths
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 FRAMES, STEP_M = 51, 0.01  # frames of a track, and distance between its poses
 SLOW_HZ = 1e-3  # frame rate of a track

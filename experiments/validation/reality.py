@@ -17,12 +17,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import trimesh
 
 from experiments import verdicts
+from experiments.drawing import Figure
 from experiments.scans import scan
 from experiments.statistics import Estimate, exact, resampled
 from experiments.validation.oracles.case import REFERENCE
@@ -48,9 +49,6 @@ from radartwin.simulation.rcs import rcs
 from radartwin.simulation.simulate import simulate
 from radartwin.store.digest import path_digest
 from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="reality",

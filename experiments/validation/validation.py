@@ -10,11 +10,12 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from experiments import verdicts
+from experiments.drawing import Figure
 from experiments.statistics import Estimate, exact
 from experiments.validation import furnished_rooms
 from experiments.validation.oracles import dielectrics, energy, motion, near, rooms, sampling, targets
@@ -25,9 +26,6 @@ from radartwin.plotting.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, PALETTE, fi
 from radartwin.runs import workers
 from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="validation",
