@@ -47,6 +47,7 @@ class Cell:
     estimate: Estimator | Estimate
     claim: Claim = NONE
     count: int | None = None  # number that column n shows; None stands for the number of recordings
+    panel: Any = None  # what a figure shows beside the row, of the first draw
 
     def row(self, config: Config) -> Row:
         """Compute the row. Raises ConfigError for a cell that selects no recordings, or that needs a column that the frame lacks."""
@@ -58,7 +59,7 @@ class Cell:
             estimate = known if isinstance(known, Estimate) else known(self.of, *seeds)
         except KeyError as error:
             raise ConfigError(f"{where} reads {error}, which its recordings lack; choose recordings with this column") from error
-        return Row(self.case, self.metric, estimate, frozenset(self.of.key), self.claim, config, self.count)
+        return Row(self.case, self.metric, estimate, frozenset(self.of.key), self.claim, config, self.count, panel=self.panel)
 
 
 Cells = Callable[[Frame], Iterable[Cell]]

@@ -131,6 +131,7 @@ class Row(dict[str, Any]):
         recordings: store keys of the recordings.
         count: number that column n shows; None stands for the number of keys, or without keys for the number of items.
         domain: data with which the value was compared; None stands for the configured measured recordings.
+        panel: what a figure shows beside the row.
     """
 
     case: Mapping[str, Any]
@@ -141,6 +142,7 @@ class Row(dict[str, Any]):
     config: Config = field(repr=False)
     count: int | None = None
     domain: str | None = None
+    panel: Any = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         estimate = self.estimate

@@ -155,10 +155,9 @@ def fidelity(campaign: Campaign, config: Config, progress: Progress) -> Iterator
         same = {
             part: getattr(config, part) for part in ("simulator", "materials", "radar", "measured", "profile", "seed", "output", "jobs")
         }
-        quick = {"ripple": False} if module is turntable_shape else {}
         try:
             table_config = replace(_config_of(module), **same)
-            result = module.score(table_config, _frame(module, table_config, campaign, progress), **quick)
+            result = module.score(table_config, _frame(module, table_config, campaign, progress))
         except InputError as error:  # the campaign lacks the motion, or has too few objects
             progress.say(f"sensitivity: leaves out the table {_name(module)}: {error}")
             continue

@@ -13,20 +13,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from experiments.campaign.cases import MEASURED
 from experiments.campaign.frame import Frame
-from experiments.cells import Cell, first_draw, keys, table_rows
+from experiments.cells import Cell, first_draw, keys
 from experiments.draws import Query
+from experiments.framed import Figures, framed, with_copies
 from experiments.recognition.copies import Copied
 from experiments.recognition.plots import bars, embedding_map, grouped, values
-from experiments.recognition.protocol import GEOMETRY, MATERIAL, Scored, anchors, correct, encoders, read, scaled, settings
+from experiments.recognition.protocol import GEOMETRY, MATERIAL, Scored, anchors, correct, encoders, scaled, settings
 from experiments.recognition.readings import FEATURES, MOTION, revolutions, without
-from experiments.verdicts import NONE, Claim
+from experiments.verdicts import NONE, Claim, Row
 from radartwin.config.config import Config
 from radartwin.config.trajectory import TurntableTrajectory
 from radartwin.features.families import BRIGHTNESS
@@ -51,28 +52,11 @@ PAPER = {"geometry": "0.85", "material": "0.40"}
 EXPORT_WITHOUT = ("brightness",)
 
 
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    frame, copied = read(Query(config, (MOTION,), several=True), store, progress)
-    return replace(score(config, frame, copied), models={"recogniser": export(config, first_draw(frame), copied)})
-
-
-def score(config: Config, frame: Frame, copied: Copied) -> Result:
-    """Build the table for each attribute (geometry, material), left-out group and method."""
-    embedded: list[Samples] = []
-    rows = table_rows(config, frame, partial(cells, config, copied, embedded))
-    groups = grouped(rows, lambda row: f"{row['attribute']},\nother {row['left out']}s", metric="balanced accuracy")
-    figures = {
-        "contrastive": lambda: bars(groups, "balanced accuracy", grey=RAW),
-        "contrastive_map": lambda: embedding_map(embedded[0], GEOMETRY, "first seed"),
-    }
-    return Result(TABLE.name, rows, figures, values(groups), keys(frame))
-
-
-def cells(config: Config, copied: Copied, embedded: list[Samples], frame: Frame) -> Iterator[Cell]:
-    """Declare the cells of one draw, and add its recordings in the space of the first encoder to `embedded`."""
+def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of one draw. The panel of a row has the recordings in the space of the first encoder."""
     split = _split(config, scaled(copied(config, frame)), scaled(revolutions(frame)))
     trained = encoders(config, split)
-    embedded.append(join(trained[0].embedded(split.simulated.per_recording()), trained[0].embedded(split.test)))
+    panel = join(trained[0].embedded(split.simulated.per_recording()), trained[0].embedded(split.test))
     for attribute, classes in (("geometry", GEOMETRY), ("material", MATERIAL)):
         for left_out, groups in (("recording", split.test.source), ("object", split.test.label)):
             scored = _several_objects(split.test, classes) if left_out == "object" else np.ones(len(split.test), bool)
@@ -90,7 +74,7 @@ def cells(config: Config, copied: Copied, embedded: list[Samples], frame: Frame)
                     "method": method,
                 }
                 chance, hits = 1 / len(truth.classes), correct(predictions, truth.label)
-                yield Scored(config, truth, frame, chance).accuracy(case, hits, claim, True, predictions)
+                yield Scored(config, truth, frame, chance).accuracy(case, hits, claim, True, predictions, panel)
 
 
 def _split(config: Config, simulated: Samples, measured: Samples) -> Split:
@@ -124,3 +108,27 @@ def export(config: Config, frame: Frame, copied: Copied) -> Recogniser:
         trained.encoder, classes, np.stack([texts[label] for label in classes]), settings(config).temperature, copies.names, features,
         copies.values.mean(axis=0), np.maximum(copies.values.std(axis=0), repeatability(copies.names)), provenance,
     )  # fmt: skip
+
+
+def _groups(rows: list[Row]) -> dict[str, dict[str, Any]]:
+    return grouped(rows, lambda row: f"{row['attribute']},\nother {row['left out']}s", metric="balanced accuracy")
+
+
+def _figures(rows: list[Row], first: Frame) -> Figures:
+    return {
+        "contrastive": lambda: bars(_groups(rows), "balanced accuracy", grey=RAW),
+        "contrastive_map": lambda: embedding_map(rows[0].panel, GEOMETRY, "first seed"),
+    }
+
+
+def query(config: Config) -> Query:
+    return Query(config, (MOTION,), several=True)
+
+
+_, recordings, score = framed(TABLE, query, cells, _figures, lambda rows: values(_groups(rows)), copied=True)
+
+
+def run(config: Config, store: Store, progress: Progress) -> Result:
+    """Compute the table, and train the classifier that the run exports."""
+    frame, copied = with_copies(query(config), store, progress)
+    return replace(score(config, frame, copied), models={"recogniser": export(config, first_draw(frame), copied)})

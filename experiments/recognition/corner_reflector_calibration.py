@@ -14,19 +14,18 @@ import numpy as np
 
 from experiments.campaign.cases import COMPARED, REFLECTOR
 from experiments.campaign.frame import Frame, balanced, by_revolution
-from experiments.cells import Cell, first_draw, paired, table_rows, using
+from experiments.cells import Cell, paired, using
 from experiments.drawing import Figure, legend_above
 from experiments.draws import Query
+from experiments.framed import framed
 from experiments.recognition.readings import MOTION, reflector
 from experiments.statistics import clustered, difference, exact
-from experiments.verdicts import NONE, Claim, within
+from experiments.verdicts import NONE, Claim, Row, within
 from radartwin.config.config import Config
 from radartwin.features.families import BRIGHTNESS
-from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
-from radartwin.runs.experiment import Result, Table
+from radartwin.runs.experiment import Table
 from radartwin.scene.objects.catalogue import catalogue
-from radartwin.store.products import Store
 
 TABLE = Table(
     name="corner_reflector_calibration",
@@ -44,22 +43,7 @@ ERROR = "measured - simulated (dB)"
 LEAST_DB = 1.0  # smallest difference of brightness that counts as an effect
 
 
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Query(config, MOTIONS).frame(store, progress))
-
-
-def score(config: Config, frame: Frame) -> Result:
-    """Build rows of the calibration offset, of each material's error before and after calibration, and of filled bottles minus other
-    materials.
-    """
-    rows = table_rows(config, frame, cells)
-    after = {row["materials"]: row["value"] for row in rows if row["metric"] == ERROR and row["method"] == AFTER}
-    metrics = {f"residual_db_{kind.replace(' ', '_')}": value for kind, value in after.items()}
-    recordings = sorted(frozenset().union(*(row.recordings for row in rows)))
-    return Result(TABLE.name, rows, {TABLE.name: lambda: _figure(errors(first_draw(frame)))}, metrics, recordings)
-
-
-def cells(frame: Frame) -> Iterator[Cell]:
+def cells(config: Config, frame: Frame) -> Iterator[Cell]:
     """Declare the cells of one draw."""
     of, scored, offset = balanced(frame), errors(frame), exact(offset_db(frame), 1)
     case = {"materials": "reflector", "feature": BRIGHTNESS, "method": "the map"}
@@ -120,3 +104,18 @@ def _figure(scored: Frame) -> Figure:
         panel.set(title=when, ylabel="measured - simulated brightness (dB)")
     legend_above(drawing, panels[0], 4)
     return drawing
+
+
+def _metrics(rows: list[Row]) -> dict[str, float]:
+    after = [row for row in rows if row["metric"] == ERROR and row["method"] == AFTER]
+    return {f"residual_db_{row['materials'].replace(' ', '_')}": row["value"] for row in after}
+
+
+run, recordings, score = framed(
+    TABLE,
+    lambda config: Query(config, MOTIONS),
+    cells,
+    lambda rows, first: {TABLE.name: lambda: _figure(errors(first))},
+    _metrics,
+    named=True,
+)

@@ -16,7 +16,6 @@ that it classifies. The other recordings of the same object are at other distanc
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,8 +23,9 @@ from numpy.typing import NDArray
 
 from experiments.campaign.cases import MEASURED
 from experiments.campaign.frame import Frame
-from experiments.cells import Cell, keys, table_rows
+from experiments.cells import Cell
 from experiments.draws import Query
+from experiments.framed import Figures, framed
 from experiments.recognition.copies import Copied
 from experiments.recognition.plots import bars, grouped, label_curve, values
 from experiments.recognition.protocol import (
@@ -36,25 +36,22 @@ from experiments.recognition.protocol import (
     anchors,
     correct,
     has_other_recordings,
-    read,
     scaled,
     seeds,
     settings,
 )  # fmt: skip
 from experiments.recognition.readings import MOTION, revolutions
-from experiments.verdicts import NONE, Claim
+from experiments.verdicts import NONE, Claim, Row
 from radartwin import plugins
 from radartwin.config.config import Config
 from radartwin.config.plugged import code_of
-from radartwin.io.progress import Progress
 from radartwin.recognize.learners import LEARNERS, Fitted, learner
 from radartwin.recognize.learners.interface import Reads
 from radartwin.recognize.probes import leave_one_out_centroid, nearest_centroid
 from radartwin.recognize.samples import Samples, join
 from radartwin.recognize.score import uniform_chance
 from radartwin.recognize.split import Split, draw_shots, label_free, most_shots
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
+from radartwin.runs.experiment import Table
 
 TABLE = Table(
     name="encoder_comparison",
@@ -87,22 +84,6 @@ def identity() -> dict[str, Any]:
     loaded = {name: plugins.find(plugins.ENCODERS, name, LEARNERS) for name in plugins.names(plugins.ENCODERS)}
     code = {name: code_of(plugin) for name, plugin in loaded.items() if plugin is not None}
     return {"encoders": code} if code else {}
-
-
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, *read(Query(config, (MOTION,), several=True), store, progress))
-
-
-def score(config: Config, frame: Frame, copied: Copied) -> Result:
-    """Build the table of every learner."""
-    rows = table_rows(config, frame, partial(cells, config, copied))
-    curves = grouped([row for row in rows if row["labels per class"] != RECORDINGS], "method", "labels per class")
-    unlabelled = {"no labels": {method: of[0] for method, of in curves.items() if 0 in of}}
-    figures = {
-        "encoder_comparison": lambda: bars(unlabelled, "accuracy", grey=TREES),
-        "label_efficiency": lambda: label_curve(curves, rows[0]["chance"]),
-    }
-    return Result(TABLE.name, rows, figures, values(unlabelled), keys(frame))
 
 
 def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
@@ -177,3 +158,23 @@ def few_shot_hits(
         for method, rows in spaces.items():
             hits[method][number, scored] = nearest_centroid(rows.take(known), rows.take(scored)) == truth.label[scored]
     return hits
+
+
+def _curves(rows: Sequence[Row]) -> dict[str, dict[Any, Any]]:
+    return grouped([row for row in rows if row["labels per class"] != RECORDINGS], "method", "labels per class")
+
+
+def _unlabelled(rows: Sequence[Row]) -> dict[str, dict[str, Any]]:
+    return {"no labels": {method: of[0] for method, of in _curves(rows).items() if 0 in of}}
+
+
+def _figures(rows: list[Row], first: Frame) -> Figures:
+    return {
+        "encoder_comparison": lambda: bars(_unlabelled(rows), "accuracy", grey=TREES),
+        "label_efficiency": lambda: label_curve(_curves(rows), rows[0]["chance"]),
+    }
+
+
+run, recordings, score = framed(
+    TABLE, lambda config: Query(config, (MOTION,), several=True), cells, _figures, lambda rows: values(_unlabelled(rows)), copied=True
+)

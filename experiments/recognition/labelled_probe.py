@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,13 +25,13 @@ from numpy.typing import NDArray
 from experiments.campaign.campaign import Call
 from experiments.campaign.cases import MEASURED, TWIN
 from experiments.campaign.frame import Frame, Wanted
-from experiments.campaign.schedule import RecordingTask
 from experiments.campaign.source import RecordingSource
-from experiments.cells import Cell, keys, table_rows
+from experiments.cells import Cell
 from experiments.draws import Part, Query, numbers
+from experiments.framed import Figures, framed
 from experiments.recognition import copies
 from experiments.recognition.copies import Copied
-from experiments.recognition.plots import Panels, bars, confusions, grouped, values
+from experiments.recognition.plots import bars, confusions, grouped, values
 from experiments.recognition.protocol import (
     RECORDINGS,
     Scored,
@@ -40,7 +40,6 @@ from experiments.recognition.protocol import (
     count_sources,
     encoders,
     has_other_recordings,
-    read,
     scaled,
     seeds,
     settings,
@@ -48,18 +47,16 @@ from experiments.recognition.protocol import (
 )  # fmt: skip
 from experiments.recognition.readings import MOTION, by_side, revolutions
 from experiments.statistics import share
-from experiments.verdicts import Claim
+from experiments.verdicts import Claim, Row
 from radartwin.config.config import Config
 from radartwin.config.simulator import RFGenesisSimulator
-from radartwin.io.progress import Progress
 from radartwin.recognize.encoder import Encoder, nearest_text
 from radartwin.recognize.probes import leave_one_out_centroid, logistic_regression
 from radartwin.recognize.samples import Samples, join
 from radartwin.recognize.score import uniform_chance
 from radartwin.recognize.split import as_domains, label_free, shuffled
 from radartwin.recognize.training import fit
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
+from radartwin.runs.experiment import Table
 
 TABLE = Table(
     name="labelled_probe",
@@ -97,18 +94,9 @@ def query(config: Config) -> Query:
     return Query(config, (MOTION,), several=True, side=PRETRAINED, unknown=True, more=more)
 
 
-def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
-    return query(config).recordings(store, progress)
-
-
 def calls(config: Config) -> list[Call]:
     """Return the simulations of the random targets for every compared simulation (experiments/shared_simulations.py)."""
     return [call for part in query(config).parts if part.domain == TWIN for call in copies.calls(part.config)]
-
-
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the table for the configured campaign, and for the same campaign simulated by RF-Genesis as a comparison."""
-    return score(config, *read(query(config), store, progress))
 
 
 def rf_genesis(config: Config) -> Config:
@@ -117,20 +105,8 @@ def rf_genesis(config: Config) -> Config:
     return replace(config, simulator=simulator)
 
 
-def score(config: Config, frame: Frame, copied: Copied) -> Result:
-    """Build the table of every probe and of the controls."""
-    panels: Panels = {}
-    rows = table_rows(config, frame, partial(cells, config, copied, panels))
-    groups = grouped([row for row in rows if row["probe"] in PROBES and not row.get("layout")], "probe")
-    figures = {
-        "labelled_probe": lambda: bars({probe.replace(", ", ",\n"): of for probe, of in groups.items()}, "accuracy", grey=RAW),
-        "labelled_probe_confusion": lambda: confusions(panels),
-    }
-    return Result(TABLE.name, rows, figures, values(groups), keys(frame))
-
-
-def cells(config: Config, copied: Copied, panels: Panels, frame: Frame) -> Iterator[Cell]:
-    """Declare the cells of one draw, and put the answers of the last probe in the first draw into `panels`."""
+def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of every probe and of the controls in one draw."""
     usual = frame[frame.side != LAYOUT]
     measured, sides = scaled(revolutions(usual)), by_side(usual)
     simulated = {method: scaled(copied(config, side)) for method, side in sides.items()}
@@ -138,9 +114,6 @@ def cells(config: Config, copied: Copied, panels: Panels, frame: Frame) -> Itera
     probes = [probe for probe in PROBES if probe != RECORDINGS or has_other_recordings(measured)]
     yield from _probed(config, usual, measured, trained, dict.fromkeys(probes, uniform_chance(measured)))
     yield from _controls(config, sides[PRETRAINED], measured, simulated[PRETRAINED])
-    if not panels:
-        spaces = {RAW: measured, PRETRAINED: trained[PRETRAINED][0].embedded(measured)}
-        panels |= {method: (measured.label, _predict(space, probes[-1])) for method, space in spaces.items()}
     layout = frame[(frame.side == LAYOUT) | (frame.domain != MEASURED)]
     if (layout.domain == MEASURED).any():
         truth = scaled(revolutions(layout))
@@ -155,14 +128,17 @@ def _probed(
     """Declare the accuracy of every method with each probe of `chances`, and the gain from training on simulation."""
     embedded = {RAW: [truth]} | {method: [encoder.embedded(truth) for encoder in of_seeds] for method, of_seeds in trained.items()}
     for probe, chance in chances.items():
-        hits = {method: correct([_predict(space, probe) for space in spaces], truth.label) for method, spaces in embedded.items()}
+        answers = {method: [_predict(space, probe) for space in spaces] for method, spaces in embedded.items()}
+        hits = {method: correct(of_seeds, truth.label) for method, of_seeds in answers.items()}
+        shown = (RAW, PRETRAINED) if probe == list(chances)[-1] and not layout else ()
+        panels = {method: (method, truth.label, answers[method][0]) for method in shown}
         figures, gain = PROBES[probe]
         claims = {method: Claim("", paper) for method, paper in figures.items()}
         claims[PRETRAINED] = Claim("measured revolutions are recognised", figures.get(PRETRAINED, ""))
         over_rival = Claim("training on our simulation is more accurate than on RF-Genesis", "+5.2 points" if probe == REVOLUTIONS else "")
         pairs = {(PRETRAINED, RAW): Claim("training on simulation beats the raw features", gain)}
         pairs |= {(PRETRAINED, method): over_rival for method in trained if method != PRETRAINED}
-        yield from Scored(config, truth, of, chance).compared(CASE | {"probe": probe, **(layout or {})}, hits, pairs, claims)
+        yield from Scored(config, truth, of, chance).compared(CASE | {"probe": probe, **(layout or {})}, hits, pairs, claims, panels=panels)
 
 
 def as_in_paper(source: RecordingSource) -> Wanted:
@@ -217,3 +193,15 @@ def _domain_accuracy(samples: Samples, seed: int) -> float:
     learned = np.isin(samples.source, order[: len(order) // 2])
     train, test = samples.take(learned), samples.take(~learned)
     return balanced_accuracy_score(test.label, logistic_regression().fit(train.values, train.label).predict(test.values))
+
+
+def _groups(rows: list[Row]) -> dict[str, dict[str, Any]]:
+    return grouped([row for row in rows if row["probe"] in PROBES and not row.get("layout")], "probe")
+
+
+def _figures(rows: list[Row], first: Frame) -> Figures:
+    groups = {probe.replace(", ", ",\n"): of for probe, of in _groups(rows).items()}
+    return {TABLE.name: lambda: bars(groups, "accuracy", grey=RAW), f"{TABLE.name}_confusion": lambda: confusions(rows)}
+
+
+run, recordings, score = framed(TABLE, query, cells, _figures, lambda rows: values(_groups(rows)), copied=True)

@@ -27,6 +27,7 @@ from experiments.campaign.cases import MEASURED
 from experiments.campaign.frame import Frame, by_revolution, features
 from experiments.campaign.schedule import RecordingTask
 from experiments.cells import Cell, Estimator, first_draw, keys, mean, per, table_rows
+from experiments.framed import with_copies
 from experiments.recognition import labelled_probe
 from experiments.recognition.encoder_comparison import few_shot_hits
 from experiments.recognition.labelled_probe import PRETRAINED, RAW, RIVAL
@@ -39,7 +40,6 @@ from experiments.recognition.protocol import (
     at_chance,
     encoders,
     permuted_accuracy,
-    read,
     scaled,
 )  # fmt: skip
 from experiments.recognition.readings import by_side, recording_name
@@ -83,7 +83,7 @@ Copies = Mapping[str, Samples]  # scaled features of simulated copies by method
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
     table_config = of_assortment(config)
-    frame, copied = read(labelled_probe.query(table_config), store, progress)
+    frame, copied = with_copies(labelled_probe.query(table_config), store, progress)
     return score(table_config, frame, {method: scaled(copied(table_config, side)) for method, side in by_side(first_draw(frame)).items()})
 
 

@@ -15,10 +15,10 @@ import numpy as np
 
 from experiments.campaign.cases import MEASURED, TWIN
 from experiments.campaign.frame import Frame
-from experiments.campaign.schedule import RecordingTask
-from experiments.cells import Cell, keys, table_rows, using
+from experiments.cells import Cell, using
 from experiments.drawing import Figure, error_bars
 from experiments.draws import Part, Query
+from experiments.framed import framed
 from experiments.recognition import transfer
 from experiments.recognition.protocol import FLOOR_ONLY, Scored, correct, statistics_columns
 from experiments.recognition.readings import by_side, profile_db
@@ -27,11 +27,9 @@ from experiments.statistics import POSITIVE, clustered
 from experiments.verdicts import NONE, Claim
 from radartwin.config.config import Config
 from radartwin.config.materials import MaterialsConfig, RandomMaterials, TrueMaterials
-from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.recognize.score import uniform_chance
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
+from radartwin.runs.experiment import Table
 
 TABLE = Table(
     name="material_errors",
@@ -53,14 +51,6 @@ def query(config: Config) -> Query:
     return Query(config, (MOTION,), ROOM, several=True, side=configured, more=more)
 
 
-def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
-    return query(config).recordings(store, progress)
-
-
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, query(config).frame(store, progress), progress)
-
-
 def sources(config: Config) -> dict[str, tuple[float | None, MaterialsConfig]]:
     """Return {name: (share of wrong material labels, material source)}; the share is None for the configured material source, which is the
     last one.
@@ -71,18 +61,10 @@ def sources(config: Config) -> dict[str, tuple[float | None, MaterialsConfig]]:
     return by_name | {f"as configured ({config.materials.source})": (None, config.materials)}
 
 
-def score(config: Config, frame: Frame, progress: Progress) -> Result:
-    """Build the table of accuracy, of the accuracy lost by wrong materials, and of level error."""
-    rows = table_rows(config, frame, partial(cells, config, progress))
-    metrics = {f"accuracy_wrong_{row['wrong']:g}": row["value"] for row in rows if row["metric"] == "accuracy" and row["wrong"] is not None}
-    return Result(TABLE.name, rows, {TABLE.name: lambda: _figure(rows)}, metrics, keys(frame))
-
-
-def cells(config: Config, progress: Progress, frame: Frame) -> Iterator[Cell]:
+def cells(config: Config, frame: Frame) -> Iterator[Cell]:
     """Declare the cells of one draw."""
     sides, first, reference = by_side(frame), None, None  # correct predictions and profiles with true materials, which are the first source
     for name, (share, _) in sources(config).items():
-        progress.say(f"{MOTION} drives in {ROOM}: {name}")
         truth = (split := transfer.ranked_split(sides[name])).test.per_recording()
         hits = correct(transfer.predict(config, split), truth.label)
         case, scored = {"method": name, "wrong": share}, Scored(config, truth, sides[name], uniform_chance(truth))
@@ -115,3 +97,9 @@ def _figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     panels[0].axhline(rows[0]["chance"], color="black", ls="--", lw=0.8, label="chance")
     panels[0].legend(loc="best")
     return drawing
+
+
+run, recordings, score = framed(
+    TABLE, query, cells, lambda rows, first: {TABLE.name: lambda: _figure(rows)},
+    lambda rows: {f"accuracy_wrong_{r['wrong']:g}": r["value"] for r in rows if r["metric"] == "accuracy" and r["wrong"] is not None},
+)  # fmt: skip

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.drawing import Figure, error_bars, place
 from radartwin.plotting.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, PALETTE, figure
@@ -17,7 +16,6 @@ from radartwin.recognize.samples import MEASURED, Samples
 GREY = "0.65"
 MOST_LEVEL = 6  # largest number of groups of bars whose names fit side by side
 Row = Mapping[str, Any]
-Panels = dict[str, tuple[NDArray, NDArray]]  # (truth, prediction) of each confusion matrix
 
 
 def grouped(
@@ -71,12 +69,20 @@ def bars(groups: Mapping[str, Mapping[str, Row]], ylabel: str, title: str = "", 
     return drawing
 
 
-def confusions(panels: Panels) -> Figure:
-    """Draw one confusion matrix per panel from (truth, prediction). A cell is the share of a true class (row) predicted as a class
-    (column).
+def accuracy_figures(name: str, group: str, grey: str) -> Callable[[Sequence[Any], Any], dict[str, Callable[[], Figure]]]:
+    """Return the function that gives two figures of a table: bars of accuracy, grouped by a column, and confusion matrices."""
+    return lambda rows, first: {
+        name: lambda: bars(grouped(rows, group), "accuracy", grey=grey), f"{name}_confusion": lambda: confusions(rows),
+    }  # fmt: skip
+
+
+def confusions(rows: Iterable[Any]) -> Figure:
+    """Draw a confusion matrix for each row with a panel (title, truth, prediction). A cell is the share of a true class (row of the matrix)
+    predicted as a class (column).
     """
     from sklearn.metrics import confusion_matrix
 
+    panels = {row.panel[0]: row.panel[1:] for row in rows if row.panel and not row.get("twin") and not row.get("truth")}
     drawing, axes = figure(1, len(panels), width_in=PAGE_WIDTH_IN, height_in=3.4, squeeze=False, sharey=True)
     classes = sorted({str(label) for truth, _ in panels.values() for label in truth})
     names = [name.replace("_", " ") for name in classes]

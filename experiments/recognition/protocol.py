@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,10 +11,7 @@ from numpy.typing import NDArray
 
 from experiments.campaign.cases import MEASURED
 from experiments.campaign.frame import Frame
-from experiments.cells import Cell, keys, table_rows
-from experiments.draws import Query
-from experiments.recognition.copies import Copied, copies
-from experiments.recognition.plots import Panels, bars, confusions, grouped, values
+from experiments.cells import Cell
 from experiments.statistics import (
     BINOMIAL,
     SHARE,
@@ -30,7 +26,6 @@ from experiments.statistics import (
 )  # fmt: skip
 from experiments.verdicts import EQUAL, NONE, Claim
 from radartwin.config.config import Config
-from radartwin.io.progress import Progress
 from radartwin.recognize.encoder import Encoder, Settings, nearest_text
 from radartwin.recognize.probes import leave_one_out_centroid, repeatability, standardised
 from radartwin.recognize.samples import Samples
@@ -38,9 +33,7 @@ from radartwin.recognize.score import uniform_chance
 from radartwin.recognize.split import Split, label_free
 from radartwin.recognize.text import embed
 from radartwin.recognize.training import fit
-from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.assortment import every_object
-from radartwin.store.products import Store
 
 LEAST_GAIN = 0.02  # smallest gain in accuracy that counts as an effect: one recording in fifty
 CHANCE_MARGIN = 0.1  # an accuracy that differs from chance by at most one recording in ten counts as chance
@@ -63,27 +56,6 @@ def anchors(objects: Iterable[str], text: str = ECHOES) -> dict[str, NDArray]:
     known, names = every_object(), sorted(objects)
     text = text if all(getattr(known[name], text) for name in names) else LOOKS
     return dict(zip(names, embed([getattr(known[name], text) for name in names]), strict=True))
-
-
-def read(query: Query, store: Store, progress: Progress) -> tuple[Frame, Copied]:
-    """Return the frame of a turntable table, and the function that returns the copies of its simulated recordings."""
-    return query.frame(store, progress), partial(copies, store, query.sources(store, progress))
-
-
-def accuracy_result(
-    table: Table, config: Config, frame: Frame, cells: Callable[[Panels, Frame], Iterator[Cell]], group: str, grey: str
-) -> Result:
-    """Build a table with two figures: bars of accuracy, grouped by the column `group`, and confusion matrices.
-
-    Args:
-        cells: declares the cells of one draw, and puts the answers of the first draw into the panels of the confusion matrices.
-        grey: method whose bars are grey.
-    """
-    panels: Panels = {}
-    rows = table_rows(config, frame, partial(cells, panels))
-    groups = grouped(rows, group)
-    figures = {table.name: lambda: bars(groups, "accuracy", grey=grey), f"{table.name}_confusion": lambda: confusions(panels)}
-    return Result(table.name, rows, figures, values(groups), keys(frame))
 
 
 def scaled(samples: Samples) -> Samples:
@@ -160,8 +132,9 @@ class Scored:
     chance: float
 
     def accuracy(
-        self, case: Mapping[str, Any], hits: NDArray, claim: Claim = NONE, balanced: bool = False, answers: Sequence[NDArray] | None = None
-    ) -> Cell:
+        self, case: Mapping[str, Any], hits: NDArray, claim: Claim = NONE, balanced: bool = False,
+        answers: Sequence[NDArray] | None = None, panel: Any = None,
+    ) -> Cell:  # fmt: skip
         """Return the accuracy (share of correct predictions). A claim without a condition says that it is above chance.
 
         If `answers` is given, the test permutes the classes of the objects, and the accuracy without an effect is the mean accuracy of the
@@ -170,7 +143,7 @@ class Scored:
         Args:
             hits: (seeds, N), whether each prediction is correct; NaN for a row that a seed does not classify.
             balanced: if true, the accuracy is the balanced accuracy (mean of the accuracies of all classes).
-            answers: (seeds) predicted classes (N,).
+            answers: (seeds) predicted classes (N,). panel: that of the cell.
         """
         hits, truth = self._classified(hits)
         metric, null = "balanced accuracy" if balanced else "accuracy", None
@@ -187,7 +160,7 @@ class Scored:
         if claim.bound is None and claim.null is None:
             claim = replace(claim, bound=self.chance, null=null)
         columns = statistics_columns(len(truth), self.chance, np.nanmean(hits, axis=1))
-        return Cell({**case, **columns}, metric, self.of, estimate, claim, count_sources(truth))
+        return Cell({**case, **columns}, metric, self.of, estimate, claim, count_sources(truth), panel)
 
     def gain(self, case: Mapping[str, Any], first: NDArray, second: NDArray, claim: Claim = NONE) -> Cell:
         """Return the accuracy of `first` minus that of `second` on the same recordings, with the test that swaps the methods of objects.
@@ -204,15 +177,17 @@ class Scored:
     def compared(
         self, case: Mapping[str, Any], hits: Mapping[str, NDArray], pairs: Mapping[tuple[str, str], Claim],
         claims: Mapping[str, Claim] | None = None, column: str = "method", answers: Mapping[str, Sequence[NDArray]] | None = None,
+        panels: Mapping[str, Any] | None = None,
     ) -> Iterator[Cell]:  # fmt: skip
         """Yield the accuracy of each method (see `accuracy`), and the gain of the first method over the second of each pair.
 
         Args:
-            hits, claims, answers: by method. column: column of the method.
+            hits, claims, answers, panels: by method. column: column of the method.
         """
         for method, method_hits in hits.items():
-            claim, scored = (claims or {}).get(method, NONE), self.using(method)
-            yield scored.accuracy({**case, column: method}, method_hits, claim, answers=answers[method] if answers else None)
+            claim, panel = (claims or {}).get(method, NONE), (panels or {}).get(method)
+            predictions = answers[method] if answers else None
+            yield self.using(method).accuracy({**case, column: method}, method_hits, claim, answers=predictions, panel=panel)
         for (first, second), claim in pairs.items():
             yield self.using(first, second).gain({**case, column: f"{first} - {second}"}, hits[first], hits[second], claim)
 

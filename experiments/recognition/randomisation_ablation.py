@@ -13,18 +13,18 @@ from dataclasses import fields, replace
 
 from experiments.campaign.campaign import Call
 from experiments.campaign.frame import Frame
-from experiments.cells import Cell, keys, table_rows
+from experiments.cells import Cell
 from experiments.draws import Query
+from experiments.framed import framed
 from experiments.recognition import copies
 from experiments.recognition.copies import Copied
 from experiments.recognition.plots import bars, grouped, values
-from experiments.recognition.protocol import compared_trainings, read
+from experiments.recognition.protocol import compared_trainings
 from experiments.recognition.readings import MOTION, revolutions
+from experiments.verdicts import Row
 from radartwin.config.config import Config
 from radartwin.config.study import RandomiseConfig
-from radartwin.io.progress import Progress
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
+from radartwin.runs.experiment import Table
 
 TABLE = Table(
     name="randomisation_ablation",
@@ -37,10 +37,6 @@ TABLE = Table(
 
 ALL, NOISE_ONLY = "all drawn", "noise only"
 QUANTITIES = tuple(field.name for field in fields(RandomiseConfig))
-
-
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, *read(Query(config, (MOTION,), several=True), store, progress))
 
 
 def calls(config: Config) -> list[Call]:
@@ -59,14 +55,18 @@ def copied_as(config: Config, left_out: tuple[str, ...]) -> Config:
     return replace(config, supervision=replace(config.supervision, randomise=strengths))
 
 
-def score(config: Config, frame: Frame, copied: Copied) -> Result:
-    """Build the table of each kind of copies and probe."""
+def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of each kind of copies and probe."""
+    trained = ((kind, revolutions(frame), copied(copied_as(config, names), frame)) for kind, names in kinds(config).items())
+    return compared_trainings(config, frame, "copies", trained, {NOISE_ONLY: "drawing all quantities helps"})
 
-    def cells(draw_frame: Frame) -> Iterator[Cell]:
-        trained = ((kind, revolutions(draw_frame), copied(copied_as(config, names), draw_frame)) for kind, names in kinds(config).items())
-        return compared_trainings(config, draw_frame, "copies", trained, {NOISE_ONLY: "drawing all quantities helps"})
 
-    rows = table_rows(config, frame, cells)
+def _metrics(rows: list[Row]) -> dict[str, float]:
     groups = grouped(rows, "copies", "probe")
-    metrics = values({kind: groups[kind] for kind in (ALL, NOISE_ONLY)})
-    return Result(TABLE.name, rows, {TABLE.name: lambda: bars(groups, "accuracy")}, metrics, keys(frame))
+    return values({kind: groups[kind] for kind in (ALL, NOISE_ONLY)})
+
+
+run, recordings, score = framed(
+    TABLE, lambda config: Query(config, (MOTION,), several=True), cells,
+    lambda rows, first: {TABLE.name: lambda: bars(grouped(rows, "copies", "probe"), "accuracy")}, _metrics, copied=True,
+)  # fmt: skip

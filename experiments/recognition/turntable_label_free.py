@@ -10,38 +10,33 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 
 from experiments.campaign.frame import Frame
-from experiments.campaign.schedule import RecordingTask
 from experiments.cells import Cell
 from experiments.draws import Query
+from experiments.framed import framed
 from experiments.recognition.copies import Copied
-from experiments.recognition.plots import Panels
+from experiments.recognition.plots import accuracy_figures, grouped, values
 from experiments.recognition.protocol import (
     GEOMETRY,
     MATERIAL,
     SAME_MODELS,
     Scored,
-    accuracy_result,
     anchors,
     at_chance,
     correct,
     encoders,
-    read,
     settings,
 )  # fmt: skip
 from experiments.recognition.readings import MOTION, revolutions
 from experiments.recognition.transfer import ranked
 from experiments.verdicts import NONE, Claim
 from radartwin.config.config import Config
-from radartwin.io.progress import Progress
 from radartwin.recognize.encoder import nearest_text
 from radartwin.recognize.probes import transferred_probe
 from radartwin.recognize.score import majority_share, uniform_chance
 from radartwin.recognize.split import label_free
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
+from radartwin.runs.experiment import Table
 
 TABLE = Table(
     name="turntable_label_free",
@@ -60,21 +55,8 @@ def query(config: Config) -> Query:
     return Query(config, (MOTION,), several=True, unknown=True, exact=True)
 
 
-def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
-    return query(config).recordings(store, progress)
-
-
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, *read(query(config), store, progress))
-
-
-def score(config: Config, frame: Frame, copied: Copied) -> Result:
-    """Build the table for each attribute (geometry, material) and method, and for the object itself."""
-    return accuracy_result(TABLE, config, frame, partial(cells, config, copied), "attribute", RANKS)
-
-
-def cells(config: Config, copied: Copied, panels: Panels, frame: Frame) -> Iterator[Cell]:
-    """Declare the cells of one draw, and put the answers of the first draw on the object itself into `panels`."""
+def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of one draw."""
     split = label_free(ranked(copied(config, frame)), ranked(revolutions(frame)))
     trained = encoders(config, split)
     for attribute, classes in (("geometry", GEOMETRY), ("material", MATERIAL)):
@@ -88,8 +70,12 @@ def cells(config: Config, copied: Copied, panels: Panels, frame: Frame) -> Itera
             yield scored.accuracy(case, correct(answers, plain.test.label), claimed, answers=answers)
     texts, temperature = anchors(split.test.classes), settings(config).temperature
     names = [nearest_text(encoder, split.unlabelled, texts, temperature) for encoder in trained]
-    panels.setdefault("nearest description", (split.test.label, names[0]))
-    chance = uniform_chance(split.test)
+    panel, chance = ("nearest description", split.test.label, names[0]), uniform_chance(split.test)
     case = {"supervision": "label_free", "attribute": "identity", "method": ENCODER}
     claim = replace(at_chance("identity stays at chance", "does not transfer", chance), untestable=SAME_MODELS)
-    yield Scored(config, split.test, frame, chance).accuracy(case, correct(names, split.test.label), claim)
+    yield Scored(config, split.test, frame, chance).accuracy(case, correct(names, split.test.label), claim, panel=panel)
+
+
+run, recordings, score = framed(
+    TABLE, query, cells, accuracy_figures(TABLE.name, "attribute", RANKS), lambda rows: values(grouped(rows, "attribute")), copied=True
+)

@@ -16,21 +16,20 @@ In the balanced batch, all classes are equally frequent. In the skewed batch, a 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from experiments.campaign.frame import Frame
-from experiments.cells import Cell, keys, table_rows
+from experiments.cells import Cell
 from experiments.draws import Query
+from experiments.framed import framed
 from experiments.recognition.copies import Copied
 from experiments.recognition.plots import bars, grouped, values
-from experiments.recognition.protocol import Scored, anchors, read, scaled, seeds, settings
+from experiments.recognition.protocol import Scored, anchors, scaled, seeds, settings
 from experiments.recognition.readings import MOTION, revolutions
 from experiments.verdicts import Claim
 from radartwin.config.config import Config
-from radartwin.io.progress import Progress
 from radartwin.recognize.adaptation import skewed, weighted_statistics
 from radartwin.recognize.continued_training import Alignment, align
 from radartwin.recognize.encoder import Encoder, nearest_text, text_scores
@@ -39,8 +38,7 @@ from radartwin.recognize.samples import Samples, Unlabelled
 from radartwin.recognize.score import uniform_chance
 from radartwin.recognize.split import label_free
 from radartwin.recognize.training import fit
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
+from radartwin.runs.experiment import Table
 
 TABLE = Table(
     name="unlabelled_adaptation",
@@ -56,17 +54,6 @@ NONE, STATISTICS, WEIGHTED, CONTINUED, PROTOTYPES, VIEWS = (
 )  # fmt: skip
 ALIGNMENTS = {CONTINUED: Alignment(weight=0.0), PROTOTYPES: Alignment(), VIEWS: Alignment("views", 0.1)}
 METHODS = (NONE, STATISTICS, WEIGHTED, *ALIGNMENTS)
-
-
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, *read(Query(config, (MOTION,), several=True), store, progress))
-
-
-def score(config: Config, frame: Frame, copied: Copied) -> Result:
-    """Build the table of each batch and method."""
-    rows = table_rows(config, frame, partial(cells, config, copied))
-    groups = grouped(rows, "batch")
-    return Result(TABLE.name, rows, {TABLE.name: lambda: bars(groups, "accuracy", grey=NONE)}, values(groups), keys(frame))
 
 
 def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
@@ -120,3 +107,10 @@ def _predict(
     if method in ALIGNMENTS:
         encoder = align(encoder, label_free(simulated, adapted), texts, encoder_settings, seed, ALIGNMENTS[method])
     return nearest_text(encoder, adapted.unlabelled(), texts, encoder_settings.temperature)
+
+
+run, recordings, score = framed(
+    TABLE, lambda config: Query(config, (MOTION,), several=True), cells,
+    lambda rows, first: {TABLE.name: lambda: bars(grouped(rows, "batch"), "accuracy", grey=NONE)},
+    lambda rows: values(grouped(rows, "batch")), copied=True,
+)  # fmt: skip

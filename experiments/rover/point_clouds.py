@@ -18,19 +18,18 @@ from numpy.typing import NDArray
 
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, ROVER, TWIN
 from experiments.campaign.frame import Column, Frame
-from experiments.cells import Cell, first_draw, keys, mean, paired, table_rows
+from experiments.cells import Cell, mean, paired
 from experiments.drawing import Figure
 from experiments.draws import Query
+from experiments.framed import framed
 from experiments.rover.rover_fidelity import WHERE
 from experiments.statistics import POSITIVE, SHARE, SIGNED
 from experiments.verdicts import NONE, Claim
 from radartwin.config.config import Config
 from radartwin.features import cloud
 from radartwin.features.profile import FAR_M, NEAR_M
-from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
+from radartwin.runs.experiment import Table
 
 NEAR_RANGE_M, NEAR_AZIMUTH_RAD = 0.1, np.deg2rad(15.0)  # limits within which two detections agree
 
@@ -60,18 +59,7 @@ GAIN = "measured detections that are simulated, above the control"
 Clouds = Sequence[NDArray[np.float64]]  # the detections of each frame: (N, 2) range in metres and azimuth in radians
 
 
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Query(config, MOTIONS).frame(store, progress))
-
-
-def score(config: Config, frame: Frame) -> Result:
-    """Build the table of all drives."""
-    rows = table_rows(config, frame, cells)
-    metrics = {f"found_{r['room']}_{r['motion']}": r["value"] for r in rows if r["metric"] == GAIN}
-    return Result(TABLE.name, rows, {"point_clouds": lambda: _figure(first_draw(frame))}, metrics, keys(frame))
-
-
-def cells(frame: Frame) -> Iterator[Cell]:
+def cells(config: Config, frame: Frame) -> Iterator[Cell]:
     """Declare the cells of each place (room, motion, distance), and of all drives of each room and motion."""
     pairs = paired(frame).sort_values(WHERE, ignore_index=True)
     drives = [clouds(pairs["detections" + end], pairs["nominal_m" + end]) for end in ("", "_twin")]
@@ -132,3 +120,9 @@ def _figure(frame: Frame) -> Figure:
     panels[0, 0].set_ylabel("in front of the radar (m)")
     panels[0, 0].legend(loc="lower left")
     return drawing
+
+
+run, recordings, score = framed(
+    TABLE, lambda config: Query(config, MOTIONS), cells, lambda rows, first: {TABLE.name: lambda: _figure(first)},
+    lambda rows: {f"found_{r['room']}_{r['motion']}": r["value"] for r in rows if r["metric"] == GAIN},
+)  # fmt: skip

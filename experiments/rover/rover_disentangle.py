@@ -23,15 +23,14 @@ from numpy.typing import NDArray
 from experiments import statistics
 from experiments.campaign.cases import COMPARED, ROVER
 from experiments.campaign.frame import Frame, features
-from experiments.cells import Cell, first_draw, keys, table_rows, using
+from experiments.cells import Cell, using
 from experiments.draws import Query
+from experiments.framed import Figures, framed
 from experiments.rover.figures import slices_figure
 from experiments.statistics import Estimate
-from experiments.verdicts import NONE, Claim
+from experiments.verdicts import NONE, Claim, Row
 from radartwin.config.config import Config
-from radartwin.io.progress import Progress
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
+from radartwin.runs.experiment import Table
 
 TABLE = Table(
     name="rover_disentangle",
@@ -54,18 +53,6 @@ Statistic = Callable[[Levels], float]
 Limits = tuple[float, float]
 
 
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Query(config, MOTIONS).frame(store, progress))
-
-
-def score(config: Config, frame: Frame) -> Result:
-    """Build the table rows for each motion. Slices for which the campaign has no recordings are left out."""
-    rows = table_rows(config, frame, cells)
-    metrics = {f"{r['metric'].replace(' ', '_')}_{r['motion']}": r["value"] for r in rows if r["case"] in ("pooled", "matched")}
-    slice_values = slices(first_draw(frame))
-    return Result(TABLE.name, rows, {"rover_slices": lambda: slices_figure(slice_values)} if slice_values else {}, metrics, keys(frame))
-
-
 def slices(frame: Frame) -> dict[tuple[str, str], NDArray]:
     """Return the values that the figure shows, by motion and factor."""
     by_slice = {}
@@ -85,7 +72,7 @@ def standardised(drives: Frame) -> Levels:
     return dict(zip(both[0].index, np.stack(scaled, axis=1), strict=True))
 
 
-def cells(frame: Frame) -> Iterator[Cell]:
+def cells(config: Config, frame: Frame) -> Iterator[Cell]:
     """Declare the cells of the slices, of the pooled and matched correlations, and of the effects of the factors, for each motion."""
     for motion, drives in frame.groupby("motion"):
         levels = standardised(drives)
@@ -242,3 +229,14 @@ def bootstrap(
         drawn.append(statistic(again))
     value = statistic(levels)
     return statistics.resampled(value, np.clip(statistics.widened(np.array(drawn), value, len(names)), *limits), len(names), limits)
+
+
+def _figures(rows: list[Row], first: Frame) -> Figures:
+    slice_values = slices(first)  # without those for which the campaign has no recordings
+    return {"rover_slices": lambda: slices_figure(slice_values)} if slice_values else {}
+
+
+run, recordings, score = framed(
+    TABLE, lambda config: Query(config, MOTIONS), cells, _figures,
+    lambda rows: {f"{r['metric'].replace(' ', '_')}_{r['motion']}": r["value"] for r in rows if r["case"] in ("pooled", "matched")},
+)  # fmt: skip

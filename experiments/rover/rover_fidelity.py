@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 from experiments import statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, ROVER
 from experiments.campaign.frame import Frame, features
-from experiments.cells import Cell, first_draw, keys, mean, paired, per, table_rows, using
+from experiments.cells import Cell, mean, paired, per, using
 from experiments.draws import Query
+from experiments.framed import framed
 from experiments.rover.figures import correlation_figure, panels_figure
 from experiments.statistics import Estimate
 from experiments.verdicts import NONE, Claim
@@ -32,9 +33,7 @@ from radartwin.features.align import overlap, start_offset
 from radartwin.features.doppler import range_rate
 from radartwin.features.families import BRIGHTNESS
 from radartwin.features.profile import profile_correlation
-from radartwin.io.progress import Progress
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
+from radartwin.runs.experiment import Table
 
 TABLE = Table(
     name="rover_fidelity",
@@ -66,23 +65,7 @@ Place = tuple[str, str, float]  # room, motion, distance
 Series = tuple[NDArray, NDArray]
 
 
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Query(config, MOTIONS).frame(store, progress))
-
-
-def score(config: Config, frame: Frame) -> Result:
-    """Build the table of all drives."""
-    rows, first = table_rows(config, frame, cells), first_draw(frame)
-    figures = {
-        "rover_panels": lambda: panels_figure(first),
-        "rover_feature_correlations": lambda: correlation_figure(agreements(first)),
-    }
-    shares = [r for r in rows if r["metric"] == "share of features that order objects alike"]
-    metrics = {f"share_alike_{r['room']}_{r['motion']}": r["value"] for r in shares}
-    return Result(TABLE.name, rows, figures, metrics, keys(frame))
-
-
-def cells(frame: Frame) -> Iterator[Cell]:
+def cells(config: Config, frame: Frame) -> Iterator[Cell]:
     """Declare the cells of each room, motion and distance, and of all of them together."""
     for place, here in frame.groupby(WHERE):
         yield from _signals(here, place)
@@ -265,3 +248,14 @@ def _ratio(pairs: NDArray, resamples: int, seed: int) -> Estimate:
         ratios = np.where(drawn[:, 0] > 0, drawn[:, 1] / drawn[:, 0], np.inf)
         ratios = back(statistics.widened(forward(ratios), float(forward(value)), len(pairs)))
     return replace(statistics.resampled(value, ratios, len(pairs), statistics.POSITIVE), scale=statistics.LOG, unit="places")
+
+
+run, recordings, score = framed(
+    TABLE, lambda config: Query(config, MOTIONS), cells,
+    lambda rows, first: {
+        "rover_panels": lambda: panels_figure(first), "rover_feature_correlations": lambda: correlation_figure(agreements(first)),
+    },
+    lambda rows: {
+        f"share_alike_{r['room']}_{r['motion']}": r["value"] for r in rows if r["metric"] == "share of features that order objects alike"
+    },
+)  # fmt: skip

@@ -18,17 +18,16 @@ from experiments import statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, RAIL, TWIN
 from experiments.campaign.columns import TRACKERS
 from experiments.campaign.frame import Frame
-from experiments.cells import Cell, first_draw, keys, mean, paired, table_rows
+from experiments.cells import Cell, mean, paired
 from experiments.drawing import DOMAIN_STYLES, Figure, legend_above
 from experiments.draws import Query
-from experiments.verdicts import BELOW, NONE, Claim, within
+from experiments.framed import framed
+from experiments.verdicts import BELOW, NONE, Claim, Row, within
 from radartwin.config.config import Config
 from radartwin.features import peak_track
 from radartwin.features.align import overlap
-from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, figure
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
+from radartwin.runs.experiment import Table
 
 TABLE = Table(
     name="linear_rail",
@@ -52,22 +51,7 @@ SHORT = Claim(
 )  # fmt: skip
 
 
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Query(config, MOTIONS).frame(store, progress))
-
-
-def score(config: Config, frame: Frame) -> Result:
-    """Build the table of the tracked ranges of all rail recordings."""
-    rows = table_rows(config, frame, cells)
-    metrics = {
-        f"{r['metric'].split(' (')[0].replace(' ', '_')}_{r['motion']}_{r['of']}": r["value"]
-        for r in rows
-        if r["tracker"] == "continuous" and r["metric"] in ("excursion (m)", "shape correlation")
-    }
-    return Result(TABLE.name, rows, {"linear_rail": lambda: _figure(first_draw(frame))}, metrics, keys(frame))
-
-
-def cells(frame: Frame) -> Iterator[Cell]:
+def cells(config: Config, frame: Frame) -> Iterator[Cell]:
     """Declare the excursions of each object, motion and tracker, and the agreement of the tracks of both domains."""
     for (name, motion), both in frame.groupby(["object", "motion"], sort=False):
         for tracker in TRACKERS:
@@ -109,3 +93,13 @@ def _figure(frame: Frame) -> Figure:
 
 def _time_s(recording: Any) -> NDArray[np.float64]:
     return np.arange(len(recording.nominal_m)) / recording.frame_rate_hz
+
+
+def _metrics(rows: list[Row]) -> dict[str, float]:
+    kept = [r for r in rows if r["tracker"] == "continuous" and r["metric"] in ("excursion (m)", "shape correlation")]
+    return {f"{r['metric'].split(' (')[0].replace(' ', '_')}_{r['motion']}_{r['of']}": r["value"] for r in kept}
+
+
+run, recordings, score = framed(
+    TABLE, lambda config: Query(config, MOTIONS), cells, lambda rows, first: {TABLE.name: lambda: _figure(first)}, _metrics
+)

@@ -11,7 +11,7 @@ ranges lies in the target gate in at least half of its measured recordings; the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -19,12 +19,13 @@ import numpy as np
 from experiments import statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN
 from experiments.campaign.frame import Column, Frame
-from experiments.cells import Cell, first_draw, joined_rows, keys, mantel, mean, paired, per, rank_correlation, table_rows, using
+from experiments.cells import Cell, joined_rows, mantel, mean, paired, per, rank_correlation, using
 from experiments.drawing import DOMAIN_STYLES, Figure, legend_above
 from experiments.draws import Query
+from experiments.framed import framed
 from experiments.statistics import Estimate
 from experiments.turntable.facet_ripple import ripple_rows
-from experiments.verdicts import BELOW, NONE, Claim
+from experiments.verdicts import BELOW, NONE, Claim, Row
 from radartwin.config.config import Config
 from radartwin.errors import InputError
 from radartwin.io.progress import Progress
@@ -61,34 +62,12 @@ _STABLE = "the reflector's ratio is stable with distance: it varies less than be
 STABLE_M = (0.6, 2.1)  # the paper's distances; at smaller distances the wavefront is curved across the reflector
 
 
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Query(config, MOTIONS).frame(store, progress))
-
-
-def score(config: Config, frame: Frame, ripple: bool = True) -> Result:
-    """Build the table rows and figures. `ripple` adds the rows of the module facet_ripple.
-
-    Raises InputError if the recordings differ in the number of frames per revolution.
-    """
+def cells(config: Config, frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of one draw. Raises InputError if the recordings differ in the number of frames per revolution."""
     if len(frames := sorted({len(signature) for signature in frame.signature})) > 1:
         raise InputError(
             f"revolutions of {' and '.join(map(str, frames))} frames cannot be compared; record all turntables at one frame rate and period"
         )
-    rows = table_rows(config, frame, cells)
-    if ripple:
-        rows += joined_rows([ripple_rows(config)])
-    first = first_draw(frame)
-    figures: dict[str, Callable[[], Figure]] = {
-        "turntable_ssim": lambda: _ssim_figure(similarity(first)),
-        "turntable_ranking": lambda: _ranking_figure(first),
-    }
-    headline = {"order of objects": "spearman", "distances between objects": "mantel_r", "signatures": "ssim_mean"}
-    metrics = {headline[r["metric"]]: r["value"] for r in rows if r["metric"] in headline and r["case"] == "all objects"}
-    return Result(TABLE.name, rows, figures, metrics, keys(frame))
-
-
-def cells(frame: Frame) -> Iterator[Cell]:
-    """Declare the cells of one draw."""
     yield from _ratios(frame)
     yield from _orders(frame)
     yield from _signatures(frame)
@@ -227,3 +206,21 @@ def _ranking_figure(frame: Frame) -> Figure:
     axes.grid(axis="x", color="0.9", lw=0.5)
     legend_above(drawing, axes, 2)
     return drawing
+
+
+def _metrics(rows: list[Row]) -> dict[str, float]:
+    headline = {"order of objects": "spearman", "distances between objects": "mantel_r", "signatures": "ssim_mean"}
+    return {headline[r["metric"]]: r["value"] for r in rows if r["metric"] in headline and r["case"] == "all objects"}
+
+
+_run, recordings, score = framed(
+    TABLE, lambda config: Query(config, MOTIONS), cells,
+    lambda rows, first: {"turntable_ssim": lambda: _ssim_figure(similarity(first)), "turntable_ranking": lambda: _ranking_figure(first)},
+    _metrics,
+)  # fmt: skip
+
+
+def run(config: Config, store: Store, progress: Progress) -> Result:
+    """Compute the table, with the rows of the module facet_ripple."""
+    result = _run(config, store, progress)
+    return replace(result, rows=[*result.rows, *joined_rows([ripple_rows(config)])])

@@ -1,0 +1,59 @@
+"""Make the functions of a table's module that the runner calls, from what the table declares: recordings, cells, figures and metrics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from typing import Any
+
+from experiments.campaign.frame import Frame
+from experiments.cells import Cell, first_draw, keys, table_rows
+from experiments.drawing import Figure
+from experiments.draws import Query
+from experiments.recognition.copies import Copied, copies
+from experiments.verdicts import Row
+from radartwin.config.config import Config
+from radartwin.io.progress import Progress
+from radartwin.runs.experiment import Result, Table
+from radartwin.store.products import Store
+
+Figures = Mapping[str, Callable[[], Figure]]
+
+
+def with_copies(query: Query, store: Store, progress: Progress) -> tuple[Frame, Copied]:
+    """Return the frame of a turntable table, and the function that returns the copies of its simulated recordings."""
+    return query.frame(store, progress), partial(copies, store, query.sources(store, progress))
+
+
+def framed(
+    table: Table,
+    query: Callable[[Config], Query],
+    cells: Callable[..., Iterable[Cell]],
+    figures: Callable[[list[Row], Frame], Figures],
+    metrics: Callable[[list[Row]], Mapping[str, float]],
+    *,
+    copied: bool = False,
+    exact: Callable[[Row], bool] = lambda row: True,
+    listed: Callable[[Row], bool] = lambda row: True,
+    named: bool = False,
+) -> tuple[Any, Any, Any]:
+    """Return the functions `run` and `recordings` of a module, and `score`, which computes the result from a frame.
+
+    Args:
+        query: returns the recordings of the table.
+        cells: (configuration, frame) -> cells of one draw; with `copied`, the function that makes copies is the second argument.
+        figures: of the rows and the frame of the first draw.
+        exact: argument of `cells.table_rows`. listed: chooses the rows that the table prints.
+        named: whether the result lists only the recordings that rows name.
+    """
+
+    def score(config: Config, frame: Frame, *more: Any) -> Result:
+        rows, first = table_rows(config, frame, partial(cells, config, *more), exact), first_draw(frame)
+        used = sorted(frozenset().union(*(row.recordings for row in rows))) if named else keys(frame)
+        return Result(table.name, [*filter(listed, rows)], figures(rows, first), metrics(rows), used)
+
+    def run(config: Config, store: Store, progress: Progress) -> Result:
+        asked = query(config)
+        return score(config, *(with_copies(asked, store, progress) if copied else (asked.frame(store, progress),)))
+
+    return run, lambda config, store, progress: query(config).recordings(store, progress), score
