@@ -51,11 +51,7 @@ def tables(profile: str, only: list[str] | None, output: Path) -> int:
 
 
 def _run(names: Sequence[str], profile: str, output: Path) -> tuple[list[str], Counts]:
-    """Run the named experiments and write their tables. Returns the tables that succeeded, and counts of computed and reused results.
-
-    First, the workers simulate what all tables need. Then the workers compute one table each. The tables that measure run times follow,
-    one after another, while no worker is busy.
-    """
+    """Run the experiments and write their tables, those that measure run times last and alone. Returns the written tables, and counts."""
     made: list[str] = []
     progress = Progress()
     with products.counting() as counts:

@@ -42,9 +42,7 @@ def lock(output: Path) -> AbstractContextManager[None]:
 
 
 def read(output: Path, name: str) -> Entries:
-    """Read the JSON file `name` (INDEX or FAILURES) as {table name: entry}; the result is empty if the file is absent. Raises
-    InputError if the file is damaged.
-    """
+    """Read a file as {table name: entry}, empty if it is absent. Raises InputError if the file is damaged."""
     path = output / "tables" / name
     if not path.is_file():
         return {}
@@ -102,9 +100,7 @@ def report_unchanged(output: Path) -> bool:
 
 
 def _stamps(output: Path) -> dict[str, str]:
-    """Read {table name: hash (stamp) of the table's files and of everything that they depend on}. The dictionary is empty if the file with
-    the hashes is absent or damaged; all tables are then written again.
-    """
+    """Read {table name: stamp}. An absent or damaged file gives {}, so that all tables are written again."""
     return read_json(output / "tables" / STAMPS)
 
 

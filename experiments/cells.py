@@ -157,9 +157,7 @@ def paired(frame: Frame, on: Sequence[str] = PLACE) -> Frame:
 
 
 def per(column: str | list[str], domain: str | None = None) -> Callable[[Frame], Column]:
-    """Return a function of the rows that averages a column for each object, first over the recordings of each place and then over the
-    places, so that a distance with more recordings has no more weight.
-    """
+    """Return a function that averages a column for each object: first over the recordings of each place, then over the places."""
 
     def means(rows: Frame) -> Column:
         selected = rows if domain is None else rows[rows.domain == domain]

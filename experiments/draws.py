@@ -104,9 +104,7 @@ def missing(parts: Sequence[tuple[Part, Campaign, Wanted]]) -> dict[str, Recordi
 
 
 def numbers(config: Config, rover: bool = False) -> list[int]:
-    """Return the numbers of the draws that a table reads. A recording set is a single draw. Raises ConfigError for a configured draw that
-    the campaign lacks.
-    """
+    """Return the draws that a table reads; a recording set is a single draw. Raises ConfigError for a draw that the campaign lacks."""
     if config.measured.provider != "testbed":
         return [0]
     known, draw = draws(config.profile.campaign, rover), config.measured.draw

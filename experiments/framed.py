@@ -27,9 +27,9 @@ def with_copies(query: Query, store: Store, progress: Progress) -> tuple[Frame, 
 
 def framed(
     table: Table,
-    query: Callable[[Config], Query],
+    query: Callable[[Config], Query] | Mapping[str, Any],
     cells: Callable[..., Iterable[Cell]],
-    figures: Callable[[list[Row], Frame], Figures],
+    figures: Callable[[list[Row], Frame], Figures] | Mapping[str, Callable[[Frame], Figure]],
     metrics: Callable[[list[Row]], Mapping[str, float]],
     *,
     copied: bool = False,
@@ -40,20 +40,24 @@ def framed(
     """Return the functions `run` and `recordings` of a module, and `score`, which computes the result from a frame.
 
     Args:
-        query: returns the recordings of the table.
+        query: returns the recordings of the table, or the arguments of `Query`.
         cells: (configuration, frame) -> cells of one draw; with `copied`, the function that makes copies is the second argument.
-        figures: of the rows and the frame of the first draw.
+        figures: of the rows and the frame of the first draw, or by name the functions that draw this frame.
         exact: argument of `cells.table_rows`. listed: chooses the rows that the table prints.
         named: whether the result lists only the recordings that rows name.
     """
 
+    def asked(config: Config) -> Query:
+        return Query(config, **query) if isinstance(query, Mapping) else query(config)
+
     def score(config: Config, frame: Frame, *more: Any) -> Result:
         rows, first = table_rows(config, frame, partial(cells, config, *more), exact), first_draw(frame)
         used = sorted(frozenset().union(*(row.recordings for row in rows))) if named else keys(frame)
-        return Result(table.name, [*filter(listed, rows)], figures(rows, first), metrics(rows), used)
+        drawn = {name: partial(draw, first) for name, draw in figures.items()} if isinstance(figures, Mapping) else figures(rows, first)
+        return Result(table.name, [*filter(listed, rows)], drawn, metrics(rows), used)
 
     def run(config: Config, store: Store, progress: Progress) -> Result:
-        asked = query(config)
-        return score(config, *(with_copies(asked, store, progress) if copied else (asked.frame(store, progress),)))
+        recordings = asked(config)
+        return score(config, *(with_copies(recordings, store, progress) if copied else (recordings.frame(store, progress),)))
 
-    return run, lambda config, store, progress: query(config).recordings(store, progress), score
+    return run, lambda config, store, progress: asked(config).recordings(store, progress), score

@@ -79,9 +79,7 @@ class Estimate:
 
 
 def p_value(value: float, low: float, high: float, null: float, freedom: float, scale: str = "") -> float:
-    """Return the two-sided p value of Student's t test that the 95 % interval from `low` to `high` inverts, so that p is 0.05 if `null` is
-    at an end of the interval. NaN if the interval has no width on this side.
-    """
+    """Return the two-sided p value of the t test that the 95 % interval inverts; NaN if the interval has no width on the side of `null`."""
     from scipy.special import stdtr
 
     middle, end, at = (float(SCALES[scale][0](number)) for number in (value, low if null <= value else high, null))
@@ -437,9 +435,7 @@ def over_draws(estimates: Sequence[Estimate], resamples: int, seed: int) -> Esti
 
 
 def _samples(estimate: Estimate, normal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the bootstrap samples (resamples,) of an estimate. If it has none, return the samples `normal`, scaled to the width of its
-    interval.
-    """
+    """Return the bootstrap samples (resamples,) of an estimate, or `normal` scaled to the width of its interval."""
     if estimate.drawn is not None:
         return np.resize(np.asarray(estimate.drawn, np.float64), len(normal))
     return estimate.value + normal * np.where(normal > 0, estimate.high - estimate.value, estimate.value - estimate.low) / 1.96
@@ -483,10 +479,7 @@ def _r(first: NDArray, second: NDArray) -> NDArray:
 
 
 def _interval(drawn: NDArray, value: float) -> tuple[float, float]:
-    """Compute the percentile interval of the resampled values `drawn`, extended if necessary so that it contains `value`.
-
-    Resamples without a value (NaN) are left out. A bound is infinite if more than 2.5 % of the resampled values are.
-    """
+    """Compute the percentile interval of resampled values without NaN, extended to contain `value`; an end may be infinite."""
     drawn = np.sort(drawn[~np.isnan(drawn)])
     if not len(drawn):
         return value, value

@@ -93,9 +93,7 @@ def mlflow_pages(output: Path) -> tuple[dict[str, str], str]:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Read the JSON object in a file; returns an empty object if the file is absent or damaged, for instance after the cache was
-    cleared.
-    """
+    """Read the JSON object in a file; an absent or damaged file gives an empty object."""
     try:
         content = untrusted_json.read(path)
     except (OSError, ValueError):

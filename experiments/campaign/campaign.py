@@ -97,9 +97,7 @@ class Campaign:
         return self.store.fetch(PROCESSED, spec | {"of": key, "doppler": doppler}, ["radartwin.features.processed"], build)
 
     def recording(self, domain: str, case: Case) -> Recording:
-        """Return the recording with receiver effects (noise, leakage, ADC). A recording simulated from the scan has thermal noise as
-        its only receiver effect.
-        """
+        """Return the recording with receiver effects. One simulated from the scan has thermal noise as its only receiver effect."""
         return self._source(domain, case)[1]()
 
     def clean(self, domain: str, case: Case) -> Product:
@@ -135,10 +133,7 @@ class Campaign:
         return sorted(pairs, key=lambda pair: (order[pair[1].motion] > 2, pair[1].room, order[pair[1].motion], domains.index(pair[0])))
 
     def _clean(self, domain: str, case: Case) -> tuple[dict[str, Any], Callable[[], Recording | Turned], list[str]]:
-        """Describe how a clean recording (before receiver effects) is simulated.
-
-        Returns (specification, function that simulates the recording, names of the modules whose code decides the result).
-        """
+        """Return specification, simulating function and names of the deciding modules of a recording before receiver effects."""
         self._check(domain)
         if domain == MEASURED:
             if self._recorded is not None:
@@ -151,10 +146,7 @@ class Campaign:
         return spec, lambda: twin.record(case, nominal, self.config, source, self.store, self.progress.say), ["experiments.campaign.twin"]
 
     def _source(self, domain: str, case: Case) -> tuple[str, Callable[[], Recording], dict[str, Any]]:
-        """Describe the recording before receiver effects from which a processed recording is computed.
-
-        Returns (store key of that recording, function that reads it, entries to add to the specification of the processed recording).
-        """
+        """Return store key and reading function of the recording to process, and the entries that this adds to the specification."""
         self._check(domain)
         if domain == MEASURED and self._recorded is not None:
             recorded = self._recorded
@@ -222,11 +214,7 @@ def _called(function: Callable[..., object], *arguments: Any) -> None:
 
 
 def _make(task: RecordingTask) -> None:
-    """Simulate the recording of a task. Worker processes call this function.
-
-    The workers share the traced paths of radars at rest through a folder. The paths of a drive are not put into this folder, because no
-    other recording reads them.
-    """
+    """Simulate the recording of a task in a worker. Workers share the traced paths of radars at rest; nobody reads those of a drive."""
     campaign = _campaign_of(task.config, task.root)
     with nullcontext() if task.case.motion in ROVER else array_cache.in_folder(task.root / "paths"):
         if task.clean:
@@ -251,10 +239,7 @@ def load_clean(product: Product) -> Recording:
 
 
 def _save(make: Callable[[], Recording | Turned], folder: Path) -> Mapping[str, int]:
-    """Simulate a recording, save its files in a folder, and return the recording's metadata.
-
-    Samples are stored as 16-bit counts. The power of the resulting quantisation noise is ten times below the receiver's noise.
-    """
+    """Simulate a recording, save it as 16-bit counts (quantisation noise ten times below the receiver's noise), and return its metadata."""
     with tally.counted() as counts:
         made = make()
     if isinstance(made, Turned):

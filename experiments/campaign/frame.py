@@ -122,9 +122,7 @@ def by_revolution(frame: Frame) -> Frame:
 
 
 def balanced(frame: Frame) -> Frame:
-    """Return the rows at those distances that have two objects or more, with an equal number of measured repetitions for all objects of a
-    distance. Raises InputError if no row is left.
-    """
+    """Return the rows at distances with two objects or more, with as many repetitions for each. Raises InputError if no row is left."""
     where = ["room", "motion", "distance_m"]
     compared = frame[frame.groupby(where).object.transform("nunique") > 1]
     if compared.empty:

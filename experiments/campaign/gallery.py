@@ -193,9 +193,7 @@ def _add_rows(rows: RowList, case: Case, recordings: dict[str, tuple[str, Proces
 
 
 def draw(views: dict[str, View], title: str, domain: str) -> Figure:
-    """Draw the measured power maps in the upper row and the simulated maps in the lower row. The two maps of a column have the same
-    decibel scale.
-    """
+    """Draw the measured maps above the simulated maps; the two maps of a column have the same decibel scale."""
     turning = bool(np.isnan(views["measured"].truth["Doppler"][0][0]))
     labels = {
         "time": "time (s)",
@@ -229,10 +227,7 @@ def _title(case: Case) -> str:
 
 
 def _mark(axes: Any, across: Real, range_m: Real) -> None:
-    """Mark the target's logged position in a power map.
-
-    The mark is a line over time, a ring if the target's position on the horizontal axis is known, and otherwise a line at its range.
-    """
+    """Mark the target's logged position: a line over time, a ring at a known position, or a line at its range."""
     dashed = {"color": "white", "lw": 0.6, "ls": (0, (3, 9))}
     if len(across) > 1:
         axes.plot(across, range_m, **dashed)

@@ -108,9 +108,7 @@ class Recorded:
 
 
 def _turn_s(row: Row) -> float:
-    """Return the time of one turntable revolution in seconds. Raises InputError if the period in the index row is not finite and
-    positive.
-    """
+    """Return the time of one turntable revolution in seconds. Raises InputError if the period is not finite and positive."""
     text = row.extra.get(TURN) or str(TURN_S)
     try:
         seconds = float(text)

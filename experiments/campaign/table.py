@@ -70,9 +70,7 @@ def recordings(config: Config, store: Store, progress: Progress) -> dict[str, Re
 
 
 def make(campaign: Campaign, progress: Progress) -> Frame:
-    """Simulate the missing recordings of the campaign, and return the columns of `_made` of all recordings in the order of
-    `Campaign.plan`.
-    """
+    """Simulate the missing recordings, and return the columns of `_made` of all recordings in the order of `Campaign.plan`."""
     import pandas as pd
 
     wanted = campaign.plan()
@@ -92,9 +90,7 @@ def make(campaign: Campaign, progress: Progress) -> Frame:
 
 
 def _made(campaign: Campaign, domain: str, case: Case) -> dict[str, Any]:
-    """Return run time and disk space of one recording, clean and processed: wall times in seconds, core time of both in seconds, and their
-    size in the store. `set_ups` counts the tracks and rooms that were set up for this recording; 0 if it reused cached set-ups.
-    """
+    """Return run times and disk space of one recording. `set_ups` counts the tracks and rooms that were set up for this recording."""
     clean, processed = products = campaign.clean(domain, case), campaign.process(domain, case)
     first, second = (product.read_json("meta") for product in products)
     counts, (began_s, ended_s) = first["told"], _span_s(first)
@@ -162,11 +158,7 @@ def _add_group(rows: RowList, domain: str, motion: str, made: Frame) -> None:
 
 
 def _add_paper(rows: RowList, made: Frame) -> None:
-    """Add rows with run time and disk space of the paper's campaign, for one draw and for all draws of the paper profile.
-
-    With profile=paper the run time and disk space are measured. With any other profile they are extrapolated, provided that every motion
-    has recordings.
-    """
+    """Add run time and disk space of the paper's campaign: measured with profile=paper, otherwise extrapolated if every motion is timed."""
     config, paper = rows.config, compose(["profile=paper"]).profile.campaign
     cases = [(domain, case) for domain in COMPARED for case in planned(paper, domain == MEASURED)]
     count = workers.worker_count(config.jobs, len(cases))
@@ -185,10 +177,7 @@ def _add_paper(rows: RowList, made: Frame) -> None:
 
 
 def _expected(config: Config, paper: CampaignConfig, wanted: Sequence[tuple[str, Case]], made: Frame) -> tuple[float, float]:
-    """Extrapolate run time and disk space of the recordings `wanted` of the campaign `paper` from the timed recordings `made`.
-
-    Returns (seconds in one process, bytes). Both values are NaN if a motion has no timed recording.
-    """
+    """Extrapolate (seconds in one process, bytes) of the recordings `wanted` from those of `made`; NaN if a motion has none."""
     recorded = dict(list(made.groupby(["domain", "motion"])))
     groups: dict[tuple[str, str], list[Case]] = defaultdict(list)
     for domain, case in wanted:
@@ -206,9 +195,7 @@ def _expected(config: Config, paper: CampaignConfig, wanted: Sequence[tuple[str,
 
 
 def extrapolated(timed: Frame, counts: Sequence[tuple[int, int]], rooms: int) -> float:
-    """Extrapolate the run time in seconds of recordings with these (frames, traced states) from the timed recordings `timed` of the
-    same kind.
-    """
+    """Extrapolate the run time in seconds of recordings with these (frames, traced states) from `timed` ones of the same kind."""
     frames, traced = np.sum(counts, axis=0)
     without, setting_up = timed[timed.set_ups == 0], timed[timed.set_ups > 0]
     plain = without if len(without) else timed

@@ -82,9 +82,7 @@ CASES = {
 
 @dataclass(frozen=True, eq=False)
 class Kept:
-    """A probe whose recordings are stored. A probe is a group of frames on which simulation models are compared; `cost` holds the
-    core-seconds of each recording.
-    """
+    """A probe (frames on which models are compared) whose recordings are stored; `cost` holds the core-seconds of each."""
 
     probe: Probe
     store: Store

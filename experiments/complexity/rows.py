@@ -108,9 +108,7 @@ def columns_of(result: CaseResult) -> dict[str, Any]:
 
 
 def _why(choice: Choice) -> str:
-    """Return as text the simplifications of the model that the choice rejected. The rejected simplifications show which parts of the
-    simulation model the features need.
-    """
+    """Return as text the rejected simplifications, which show the parts of the simulation model that the features need."""
     refused = {(step.dimension, step.value): step.told for step in choice.steps if not step.taken}
     taken = {(step.dimension, step.value) for step in choice.steps if step.taken}
     return "; ".join(told for what, told in refused.items() if what not in taken)
@@ -169,10 +167,7 @@ def _words(case: str) -> str:
 
 
 def _level(row: Mapping[str, Any], name: str) -> float:
-    """Return the position of a model setting on its scale: 0 for its cheapest value, 1 for its most expensive value.
-
-    In a model without a room, the setting of the paths between object and room counts as 0.
-    """
+    """Return the position of a setting on its scale, from 0 (cheapest) to 1; paths over the room count as 0 in a model without a room."""
     if name == "coupling" and row["parts"] == "none":
         return 0.0
     values = LADDER[name]

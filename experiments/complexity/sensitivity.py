@@ -107,9 +107,7 @@ def _config_of(module: ModuleType) -> Config:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Simulate the campaign's recordings with every setting. Raises ConfigError if the configured materials are those of a setting, or if
-    the simulator is neither mitsuba nor auto.
-    """
+    """Simulate the campaign with every setting. Raises ConfigError for the materials of a setting, or another simulator."""
     if config.materials.source in {setting.materials for setting in SETTINGS}:
         raise ConfigError(
             f"materials={config.materials.source} is one of the settings that experiment=sensitivity tries; leave materials out"
@@ -183,9 +181,7 @@ def _recording_columns(campaign: Campaign, case: Case) -> tuple[str, str, np.nda
 
 
 def table(config: Config, twins: Mapping[str, Twin]) -> list[dict[str, Any]]:
-    """Return rows with feature error and run time for each setting and motion, and each fidelity result with its change from the
-    default.
-    """
+    """Return feature error and run time of each setting and motion, and each fidelity result with its change from the default."""
     default = twins[DEFAULT]
     finest = dict(list(twins[FINEST].recordings.groupby("motion")))
     seeds = config.profile.resamples, config.seed
@@ -220,9 +216,7 @@ def feature_error(values: np.ndarray, finest: np.ndarray) -> np.ndarray:
 
 
 def chart(rows: Sequence[dict[str, Any]]) -> Figure:
-    """Draw run time against feature error, with one panel per motion and one marker per setting. The finest setting has no marker,
-    because it is the reference.
-    """
+    """Draw run time against feature error, with a panel for each motion and a marker for each setting except the finest."""
     motions = list(dict.fromkeys(r["motion"] for r in rows if r["metric"] == ERROR))
     drawing, panels = figure(1, len(motions), width_in=PAGE_WIDTH_IN, height_in=3.2, sharey=True, squeeze=False)
     names = [setting.name for setting in SETTINGS if setting.name != FINEST]

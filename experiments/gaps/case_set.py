@@ -89,9 +89,7 @@ class Reading:
 
 
 def recorded(config: Config, store: Store, progress: Progress, domain: str, case: Case, frames: int | None = None) -> Reading:
-    """Compute the features of a case, or of its first `frames` frames; a missing recording is simulated. The simulated recordings are read
-    without receiver noise.
-    """
+    """Compute the features of a case, or of its first `frames` frames; simulated recordings are read without receiver noise."""
     campaign = Campaign(config, store, progress)
     log = campaign.log(case, domain)
     if domain == "measured":

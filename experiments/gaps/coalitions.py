@@ -87,9 +87,7 @@ class Sides:
         self._read: dict[Side, Frame] = {}
 
     def prepare(self, sets_of_gaps: Iterable[Coalition]) -> None:
-        """Simulate and read the sides (measured or simulated recordings with their gaps) of these coalitions of gaps. Sides that
-        share a room set-up are simulated together.
-        """
+        """Simulate and read the sides of these coalitions. Sides that share a room set-up are simulated together."""
         ordered = sides_of(sets_of_gaps)
         make_together(self.missing(ordered), self.config.jobs, self.progress)
         for domain, on in self.progress.over(ordered, "sides"):

@@ -72,9 +72,7 @@ class Plan:
         return frozenset(gap for player in players for gap in self.groups[player])
 
     def switched(self) -> dict[str, Coalition]:
-        """Return {name: gaps} of the sets of gaps that the rows "alone" and "left out" switch together. These are the groups and, with
-        `singly`, each gap of a larger group.
-        """
+        """Return {name: gaps} that "alone" and "left out" switch together: the groups and, with `singly`, each gap of a larger group."""
         single = {f"{gap} only": frozenset((gap,)) for gaps in self.groups.values() if self.singly and len(gaps) > 1 for gap in gaps}
         return {name: frozenset(gaps) for name, gaps in self.groups.items()} | single
 
@@ -123,9 +121,7 @@ CLAIMS: dict[tuple[str, str, str, str], Claim] = {  # key: score, gap, objects, 
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the attribution table for the configured simulation and testbed. Raises ConfigError for a setting that the table sets
-    itself.
-    """
+    """Compute the attribution table. Raises ConfigError for a setting that the table sets itself."""
     check(config)
     plan = plan_of(config)
     sides = Sides(config, store, progress, cases(plan.objects))

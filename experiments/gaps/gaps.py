@@ -60,9 +60,7 @@ CONDITIONS = ("gap", "strength", "draw", "case", "key")  # columns of the frame 
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the agreement with all gaps off, then the effect of each gap alone. Raises ConfigError for settings that the table sets
-    itself.
-    """
+    """Compute the agreement with all gaps off, then the effect of each gap. Raises ConfigError for settings of the table itself."""
     check(config)
     strengths = (1.0,) if config.profile.name == "quick" else (1.0, 2.0)
     # the solver gap is only on or off, and nothing about it is random

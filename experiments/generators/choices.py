@@ -110,9 +110,7 @@ def selected(rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
 
 
 def chosen_share(rows: Sequence[Mapping[str, Any]]) -> float:
-    """Return the share of labelled training rows with the highest mean accuracy over all numbers of labels. If several shares are equal in
-    accuracy, the smallest is returned.
-    """
+    """Return the smallest share of labelled training rows with the highest mean accuracy over all numbers of labels."""
     of_shares = [row for row in rows if "labelled share" in row]
     return max(of_shares, key=lambda row: round(float(np.mean([row[f"{shots} labels per class"] for shots in SHOTS])), 2))["labelled share"]
 

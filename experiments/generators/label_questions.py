@@ -57,9 +57,7 @@ def exact(room: str, questions: Sequence[Question]) -> float:
 
 
 def answered(room: str, questions: Sequence[Question]) -> float:
-    """Return the share of the questions, weighted by surface area, for which there is a recorded answer: to the same question, or about the
-    surface at the same place.
-    """
+    """Return the share of the questions, by area, with a recorded answer to the same question or about the same place."""
     return _share(questions, {question.id for question, _ in Recorded(shipped(room)).answers(questions)})
 
 

@@ -26,7 +26,7 @@ from experiments.framed import Figures, framed, with_copies
 from experiments.recognition.copies import Copied
 from experiments.recognition.plots import bars, embedding_map, grouped, values
 from experiments.recognition.protocol import GEOMETRY, MATERIAL, Scored, anchors, correct, encoders, scaled, settings
-from experiments.recognition.readings import FEATURES, MOTION, revolutions, without
+from experiments.recognition.readings import FEATURES, TURNTABLE, revolutions, without
 from experiments.verdicts import NONE, Claim, Row
 from radartwin.config.config import Config
 from radartwin.config.trajectory import TurntableTrajectory
@@ -91,9 +91,7 @@ def _several_objects(recordings: Samples, classes: dict[str, str]) -> NDArray[np
 
 
 def export(config: Config, frame: Frame, copied: Copied) -> Recogniser:
-    """Train a classifier of the campaign's objects on the simulation alone, whose noise is that of one draw. The features of the classifier
-    are scaled by their mean and spread over the simulated recordings.
-    """
+    """Train a classifier on the simulation alone. Its features are scaled by their mean and spread over the simulated recordings."""
     measured, copies = (without(rows, BRIGHTNESS) for rows in (revolutions(frame), copied(config, frame)))
     texts = anchors(copies.classes)
     trained = fit(label_free(scaled(copies), scaled(measured)), texts, settings(config), config.seed)
@@ -121,14 +119,10 @@ def _figures(rows: list[Row], first: Frame) -> Figures:
     }
 
 
-def query(config: Config) -> Query:
-    return Query(config, (MOTION,), several=True)
-
-
-_, recordings, score = framed(TABLE, query, cells, _figures, lambda rows: values(_groups(rows)), copied=True)
+_, recordings, score = framed(TABLE, TURNTABLE, cells, _figures, lambda rows: values(_groups(rows)), copied=True)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
     """Compute the table, and train the classifier that the run exports."""
-    frame, copied = with_copies(query(config), store, progress)
+    frame, copied = with_copies(Query(config, **TURNTABLE), store, progress)
     return replace(score(config, frame, copied), models={"recogniser": export(config, first_draw(frame), copied)})

@@ -16,7 +16,6 @@ from experiments.campaign.cases import COMPARED, REFLECTOR
 from experiments.campaign.frame import Frame, balanced, by_revolution
 from experiments.cells import Cell, paired, using
 from experiments.drawing import Figure, legend_above
-from experiments.draws import Query
 from experiments.framed import framed
 from experiments.recognition.readings import MOTION, reflector
 from experiments.statistics import clustered, difference, exact
@@ -85,9 +84,7 @@ def errors(frame: Frame) -> Frame:
 
 
 def _figure(scored: Frame) -> Figure:
-    """Draw the echo power error of every recording before and after calibration, by object. The objects on the horizontal axis are
-    sorted by material.
-    """
+    """Draw the echo power error of every recording before and after calibration, by object, sorted by material."""
     drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=2.9, sharey=False)
     kinds = dict(zip(scored.object, scored.kind, strict=True))
     objects = sorted(kinds, key=lambda name: (kinds[name], name))
@@ -111,11 +108,5 @@ def _metrics(rows: list[Row]) -> dict[str, float]:
     return {f"residual_db_{row['materials'].replace(' ', '_')}": row["value"] for row in after}
 
 
-run, recordings, score = framed(
-    TABLE,
-    lambda config: Query(config, MOTIONS),
-    cells,
-    lambda rows, first: {TABLE.name: lambda: _figure(errors(first))},
-    _metrics,
-    named=True,
-)
+FIGURES = {TABLE.name: lambda first: _figure(errors(first))}
+run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, FIGURES, _metrics, named=True)

@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 from experiments.campaign.cases import MEASURED
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell
-from experiments.draws import Query
 from experiments.framed import Figures, framed
 from experiments.recognition.copies import Copied
 from experiments.recognition.plots import bars, grouped, label_curve, values
@@ -40,7 +39,7 @@ from experiments.recognition.protocol import (
     seeds,
     settings,
 )  # fmt: skip
-from experiments.recognition.readings import MOTION, revolutions
+from experiments.recognition.readings import TURNTABLE, revolutions
 from experiments.verdicts import NONE, Claim, Row
 from radartwin import plugins
 from radartwin.config.config import Config
@@ -116,9 +115,7 @@ def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
 
 
 def fit_method(config: Config, method: str, copies: Mapping[Reads, Samples], measured: Mapping[Reads, Samples]) -> list[Fitted]:
-    """Train the learner of a method on scaled rows of copies, once for each seed. Boosted trees use no random numbers, so they are trained
-    once.
-    """
+    """Train the learner of a method on scaled rows of copies, once for each seed; boosted trees use no random numbers."""
     kind, text = methods()[method]
     method_learner = learner(kind)
     split, texts = label_free(copies[method_learner.reads], measured[method_learner.reads]), anchors(measured["features"].classes, text)
@@ -175,6 +172,4 @@ def _figures(rows: list[Row], first: Frame) -> Figures:
     }
 
 
-run, recordings, score = framed(
-    TABLE, lambda config: Query(config, (MOTION,), several=True), cells, _figures, lambda rows: values(_unlabelled(rows)), copied=True
-)
+run, recordings, score = framed(TABLE, TURNTABLE, cells, _figures, lambda rows: values(_unlabelled(rows)), copied=True)

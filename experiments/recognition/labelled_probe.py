@@ -83,9 +83,7 @@ CASE = {"supervision": "few_shot", "setting": "turntable, 12 objects"}
 
 
 def query(config: Config) -> Query:
-    """Return the recordings of the table: also those that RF-Genesis simulates, and those in the layout of the paper
-    (profile.layout_turns), which recording sets do not have.
-    """
+    """Return the recordings of the table: also those of RF-Genesis, and those of the testbed in the layout of the paper."""
     more, turns, measured = [Part(TWIN, rf_genesis(config), {"side": RIVAL})], config.profile.layout_turns, config.measured
     if turns and measured.provider == "testbed":
         profile = replace(config.profile, campaign=replace(config.profile.campaign, turns=turns))
@@ -160,9 +158,7 @@ def _predict(samples: Samples, probe: str) -> NDArray[np.str_]:
 
 
 def _controls(config: Config, of: Frame, measured: Samples, simulated: Samples) -> Iterator[Cell]:
-    """Declare the controls: shuffled class labels and shuffled domains, both expected at chance, and a linear classifier of the true
-    domains.
-    """
+    """Declare the controls with shuffled classes and shuffled domains (both expected at chance), and a linear classifier of the domains."""
     both = as_domains(join(simulated.per_recording(), measured))
     texts, encoder_settings = anchors(measured.classes), settings(config)
     predictions, shuffled_domains, domains = [], [], []
@@ -183,10 +179,7 @@ def _controls(config: Config, of: Frame, measured: Samples, simulated: Samples) 
 
 
 def _domain_accuracy(samples: Samples, seed: int) -> float:
-    """Train a linear classifier that separates measured from simulated rows, on half of the recordings.
-
-    Returns the balanced accuracy of the classifier on the recordings that were not used for training.
-    """
+    """Return the balanced accuracy of a linear classifier of the domains, trained on half of the recordings, on the other half."""
     from sklearn.metrics import balanced_accuracy_score
 
     order = np.random.default_rng([seed, 0xD0]).permutation(np.unique(samples.source))

@@ -96,9 +96,7 @@ def calls(config: Config) -> list[Call]:
 
 
 def of_assortment(config: Config) -> Config:
-    """Return the configuration in which the objects of the assortment turn without room, equipment or person. Raises ConfigError for real
-    recordings, which do not have these objects.
-    """
+    """Return the configuration in which the assortment turns without room, equipment or person. Raises ConfigError for real recordings."""
     if config.measured.provider != "testbed":
         raise ConfigError("many_objects has its own set of objects, which a recording set lacks; use measured=testbed")
     profile = config.profile
@@ -151,10 +149,8 @@ def samples(revolutions: Frame) -> Samples:
 def _answered(
     config: Config, revolutions: Frame, copies: Copies, trained: Mapping[str, Sequence[Encoder]], on_ranks: Sequence[Encoder]
 ) -> Frame:
-    """Return the revolutions of one draw with a column for each method and number of labels, and a column for each attribute.
-
-    The columns of the methods hold the share of the trainings that recognise the object, or NaN for a revolution that is not classified.
-    The columns of the attributes hold the class that each training predicts, as in the table turntable_label_free.
+    """Return the revolutions of one draw with columns `METHOD, k` (share of the trainings that recognise the object; NaN if not classified)
+    and a column for each attribute (the class that each training predicts).
     """
     plain = samples(revolutions)
     truth, draw, columns = scaled(plain), int(revolutions.draw.iloc[0]), {}

@@ -24,7 +24,7 @@ from experiments.recognition.protocol import FLOOR_ONLY, Scored, correct, statis
 from experiments.recognition.readings import by_side, profile_db
 from experiments.recognition.reconstruction_ablation import MOTION, ROOM
 from experiments.statistics import POSITIVE, clustered
-from experiments.verdicts import NONE, Claim
+from experiments.verdicts import NONE, Claim, Row
 from radartwin.config.config import Config
 from radartwin.config.materials import MaterialsConfig, RandomMaterials, TrueMaterials
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
@@ -52,9 +52,7 @@ def query(config: Config) -> Query:
 
 
 def sources(config: Config) -> dict[str, tuple[float | None, MaterialsConfig]]:
-    """Return {name: (share of wrong material labels, material source)}; the share is None for the configured material source, which is the
-    last one.
-    """
+    """Return {name: (share of wrong labels, material source)}; the last one is configured, and its share is None."""
     by_name: dict[str, tuple[float | None, MaterialsConfig]] = {TRUE: (0.0, TrueMaterials())}
     for share in WRONG if config.profile.name != "quick" else WRONG[-1:]:
         by_name[f"{100 * share:g} % random"] = (share, RandomMaterials(p=share))
@@ -82,9 +80,7 @@ def cells(config: Config, frame: Frame) -> Iterator[Cell]:
 
 
 def _figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw accuracy and level error against the share of wrong material labels. A horizontal band shows the accuracy and level error
-    of the configured material source.
-    """
+    """Draw accuracy and level error against the share of wrong labels, and those of the configured material source as a band."""
     drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=2.6)
     for panel, metric, label in zip(panels, ("accuracy", LEVEL_ERROR), ("label-free accuracy", "level error (dB)"), strict=True):
         *known, configured = [row for row in rows if row["metric"] == metric]
@@ -99,7 +95,8 @@ def _figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     return drawing
 
 
-run, recordings, score = framed(
-    TABLE, query, cells, lambda rows, first: {TABLE.name: lambda: _figure(rows)},
-    lambda rows: {f"accuracy_wrong_{r['wrong']:g}": r["value"] for r in rows if r["metric"] == "accuracy" and r["wrong"] is not None},
-)  # fmt: skip
+def _metrics(rows: list[Row]) -> dict[str, float]:
+    return {f"accuracy_wrong_{r['wrong']:g}": r["value"] for r in rows if r["metric"] == "accuracy" and r["wrong"] is not None}
+
+
+run, recordings, score = framed(TABLE, query, cells, lambda rows, first: {TABLE.name: lambda: _figure(rows)}, _metrics)

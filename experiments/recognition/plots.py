@@ -36,9 +36,7 @@ def values(groups: Mapping[str, Mapping[str, Row]], prefix: str = "accuracy") ->
 
 
 def bars(groups: Mapping[str, Mapping[str, Row]], ylabel: str, title: str = "", grey: str = "") -> Figure:
-    """Draw bars with confidence intervals from {group: {method: row}}. The bar of the method `grey` is grey; a line shows the chance level
-    of each group.
-    """
+    """Draw bars with confidence intervals from {group: {method: row}}, and a line at the chance level of each group."""
     from matplotlib.patheffects import withStroke
 
     drawing, axis = figure(width_in=PAGE_WIDTH_IN, height_in=2.6)
@@ -77,9 +75,7 @@ def accuracy_figures(name: str, group: str, grey: str) -> Callable[[Sequence[Any
 
 
 def confusions(rows: Iterable[Any]) -> Figure:
-    """Draw a confusion matrix for each row with a panel (title, truth, prediction). A cell is the share of a true class (row of the matrix)
-    predicted as a class (column).
-    """
+    """Draw a confusion matrix, normalised by its rows (true classes), for each table row with a panel (title, truth, prediction)."""
     from sklearn.metrics import confusion_matrix
 
     panels = {row.panel[0]: row.panel[1:] for row in rows if row.panel and not row.get("twin") and not row.get("truth")}
@@ -101,9 +97,7 @@ def confusions(rows: Iterable[Any]) -> Figure:
 
 
 def embedding_map(recordings: Samples, classes: Mapping[str, str], title: str) -> Figure:
-    """Draw measured and simulated embeddings on their first two principal components. Colours show the classes of the embeddings;
-    filled markers are measured embeddings.
-    """
+    """Draw measured (filled) and simulated embeddings on their first two principal components, coloured by class."""
     from sklearn.decomposition import PCA
 
     drawing, axis = figure(width_in=COLUMN_WIDTH_IN * 1.5, height_in=3.2)

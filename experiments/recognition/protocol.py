@@ -50,9 +50,7 @@ MATERIAL: dict[str, str] = {name: entry.material_class for name, entry in every_
 
 
 def anchors(objects: Iterable[str], text: str = ECHOES) -> dict[str, NDArray]:
-    """Return {object: embedding vector of the object's text}. `text` is ECHOES, as in the paper, or LOOKS, also for objects without an
-    echo's text.
-    """
+    """Return {object: embedding of its text}: ECHOES, as in the paper, or LOOKS, also if an object has no text of its echo."""
     known, names = every_object(), sorted(objects)
     text = text if all(getattr(known[name], text) for name in names) else LOOKS
     return dict(zip(names, embed([getattr(known[name], text) for name in names]), strict=True))
@@ -64,9 +62,7 @@ def scaled(samples: Samples) -> Samples:
 
 
 def settings(config: Config, level: str = "label_free") -> Settings:
-    """Return the encoder settings of a supervision level. Only the supervision level few_shot includes the loss term of
-    simulated-measured pairs.
-    """
+    """Return the encoder settings of a level; only few_shot includes the loss term of simulated-measured pairs."""
     configured = Settings(**asdict(config.supervision.encoder))
     return configured if level == "few_shot" else replace(configured, paired=0.0)
 
@@ -163,9 +159,7 @@ class Scored:
         return Cell({**case, **columns}, metric, self.of, estimate, claim, count_sources(truth), panel)
 
     def gain(self, case: Mapping[str, Any], first: NDArray, second: NDArray, claim: Claim = NONE) -> Cell:
-        """Return the accuracy of `first` minus that of `second` on the same recordings, with the test that swaps the methods of objects.
-        The claim is that the gain is above LEAST_GAIN.
-        """
+        """Return the accuracy of `first` minus that of `second`, claimed above LEAST_GAIN; the test swaps the methods of objects."""
         (first_hits, truth), (second_hits, _) = (self._classified(hits) for hits in (first, second))
         differences = np.nanmean(first_hits, axis=0) - np.nanmean(second_hits, axis=0)
         _, item = np.unique(truth.object, return_inverse=True)

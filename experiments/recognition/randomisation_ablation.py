@@ -14,13 +14,12 @@ from dataclasses import fields, replace
 from experiments.campaign.campaign import Call
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell
-from experiments.draws import Query
-from experiments.framed import framed
+from experiments.framed import Figures, framed
 from experiments.recognition import copies
 from experiments.recognition.copies import Copied
 from experiments.recognition.plots import bars, grouped, values
 from experiments.recognition.protocol import compared_trainings
-from experiments.recognition.readings import MOTION, revolutions
+from experiments.recognition.readings import TURNTABLE, revolutions
 from experiments.verdicts import Row
 from radartwin.config.config import Config
 from radartwin.config.study import RandomiseConfig
@@ -66,7 +65,8 @@ def _metrics(rows: list[Row]) -> dict[str, float]:
     return values({kind: groups[kind] for kind in (ALL, NOISE_ONLY)})
 
 
-run, recordings, score = framed(
-    TABLE, lambda config: Query(config, (MOTION,), several=True), cells,
-    lambda rows, first: {TABLE.name: lambda: bars(grouped(rows, "copies", "probe"), "accuracy")}, _metrics, copied=True,
-)  # fmt: skip
+def _figures(rows: list[Row], first: Frame) -> Figures:
+    return {TABLE.name: lambda: bars(grouped(rows, "copies", "probe"), "accuracy")}
+
+
+run, recordings, score = framed(TABLE, TURNTABLE, cells, _figures, _metrics, copied=True)

@@ -17,6 +17,7 @@ from radartwin.recognize.learners.interface import Reads
 from radartwin.recognize.samples import SIMULATED, Part, Samples, gather
 
 MOTION, FEATURES = "turntable", "rotation"  # motion and feature set of the turntable tables
+TURNTABLE = {"motions": (MOTION,), "several": True}  # arguments of `Query` of most of these tables
 PROFILES = 50  # number of range profiles of a range-time signature
 
 
@@ -85,9 +86,7 @@ def profile_db(power: NDArray, range_m: NDArray) -> NDArray:
 
 
 def signatures(rows: Frame) -> Samples:
-    """Return the range-time signature of each drive as one feature row: its levels (see `profile_db`), interpolated in time to PROFILES
-    profiles.
-    """
+    """Return the range-time signature of each drive as one row: its levels (`profile_db`), interpolated to PROFILES profiles."""
 
     def signature(level: NDArray) -> NDArray:
         times = np.linspace(0, len(level) - 1, PROFILES)

@@ -56,9 +56,7 @@ BEATS = {
 
 
 def query(config: Config) -> Query:
-    """Return the recordings of the table, with each simulation as a side. Raises ConfigError if the configured simulation already has a
-    uniform material or no room.
-    """
+    """Return the recordings of the table, with each simulation as a side. Raises ConfigError for a uniform material or no room."""
     if config.materials.source in ("uniform", "void"):
         raise ConfigError(
             f"the ablation compares labelled materials with uniform and no materials; choose another source than {config.materials.source}"
@@ -92,9 +90,7 @@ def cells(config: Config, frame: Frame) -> Iterator[Cell]:
 
 
 def _paired(frame: Frame, hits: Mapping[str, NDArray], objects: NDArray) -> Iterator[Cell]:
-    """Declare the share of objects of which more recordings are right after training on the first of two simulations than on the second,
-    the numbers of such recordings, and the share of random seeds for which labelled materials give the higher accuracy.
-    """
+    """Declare paired comparisons of two simulations: the share of objects that one leads on, and the share of seeds in which it leads."""
     for better, worse, paper in ((LABELLED, UNIFORM, "23 against 6, p 0.001"), (LABELLED, VOID, "")):
         first_right, second_right = (hits[method].mean(axis=0) > 0.5 for method in (better, worse))
         columns = {

@@ -58,9 +58,7 @@ def query(config: Config) -> Query:
 
 
 def cells(config: Config, frame: Frame) -> Iterator[Cell]:
-    """Declare the cells of the supervision levels up to the configured one. The testbed whose objects equal the catalogue has the rows of
-    objects without labels.
-    """
+    """Declare the levels up to the configured one; a testbed whose objects equal the catalogue has the first level."""
     levels = LEVELS[: LEVELS.index(config.supervision.mode) + 1] if (frame.truth == "").all() else LEVELS[:1]
     for room in (room for room in ROOMS if room in set(frame.room)):
         for motion in MOTIONS:
@@ -74,9 +72,7 @@ def cells(config: Config, frame: Frame) -> Iterator[Cell]:
 
 
 def _label_free(config: Config, drives: Frame, raw: NDArray, place: Mapping[str, str]) -> Iterator[Cell]:
-    """Declare the cells of supervision level (i), without class labels of measured recordings: object accuracy, shape accuracy in sideways
-    ("lateral") drives, and the control, a random forest that is trained on permuted class labels.
-    """
+    """Declare level (i), without labels: objects, shapes (lateral drives), and the control whose forest learns permuted labels."""
     motion, in_paper = place["motion"], place["room"] == PAPER_ROOM
     for classes, names in (("object", None), ("shape", SHAPE)) if motion == "lateral" else (("object", None),):
         case = {"supervision": "label_free", **place, "classes": classes}
@@ -102,9 +98,7 @@ def _label_free(config: Config, drives: Frame, raw: NDArray, place: Mapping[str,
 
 
 def _materials(config: Config, drives: Frame, raw: NDArray, place: Mapping[str, str]) -> Iterator[Cell]:
-    """Declare the cells of supervision level (ii): accuracy of material classes with and without calibration by one reflector recording,
-    which is not scored.
-    """
+    """Declare level (ii): material classes with and without calibration by one reflector recording, which is not scored."""
     paper_trained, paper_raw = PAPER[place["motion"], "material"] if place["room"] == PAPER_ROOM else ("", "")
     plain, mapped = (transfer.calibrated_split(drives, MATERIAL, mapped) for mapped in (False, True))
     truth = plain.test.per_recording()
@@ -122,9 +116,7 @@ def _materials(config: Config, drives: Frame, raw: NDArray, place: Mapping[str, 
 
 
 def _few_shot(config: Config, drives: Frame, place: Mapping[str, str]) -> Iterator[Cell]:
-    """Declare the cell of supervision level (iii) on the rover: train on simulated frames and a few labelled measured recordings, if
-    there are enough recordings.
-    """
+    """Declare level (iii) on the rover: train on simulated frames and a few labelled measured recordings, if there are enough."""
     supervision, (simulated, measured) = config.supervision, map(transfer.ranked, transfer.of_domains(drives))
     recordings, shots = measured.per_recording(), config.supervision.shots
     if most_shots(recordings) < shots:

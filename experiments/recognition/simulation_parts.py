@@ -13,19 +13,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 from experiments.campaign.campaign import Call
 from experiments.campaign.cases import TWIN
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell
 from experiments.draws import Part, Query
-from experiments.framed import framed
+from experiments.framed import Figures, framed
 from experiments.recognition import copies
 from experiments.recognition.copies import Copied
 from experiments.recognition.labelled_probe import RIVAL, rf_genesis
 from experiments.recognition.plots import bars, grouped, values
 from experiments.recognition.protocol import TEXT, compared_trainings
 from experiments.recognition.readings import MOTION, by_side, revolutions, without
+from experiments.verdicts import Row
 from radartwin.config.config import Config
 from radartwin.config.materials import VoidMaterials
 from radartwin.features.families import BRIGHTNESS
@@ -73,9 +75,17 @@ def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
     return compared_trainings(config, of, "simulation", [rows[name] for name in (EVERYTHING, *HELPS)], HELPS)
 
 
-# encoder_comparison and labelled_probe have the rows of the whole simulation, and labelled_probe those of the rival with labels
-run, recordings, score = framed(
-    TABLE, query, cells, lambda rows, first: {TABLE.name: lambda: bars(grouped(rows, "probe", "simulation"), "accuracy", grey=RIVAL)},
-    lambda rows: values(grouped(rows, "probe", "simulation")), copied=True,
-    listed=lambda row: row["simulation"] != EVERYTHING and (row["probe"] == TEXT or RIVAL not in row["simulation"]),
-)  # fmt: skip
+def _groups(rows: list[Row]) -> dict[str, dict[str, Any]]:
+    return grouped(rows, "probe", "simulation")
+
+
+def _figures(rows: list[Row], first: Frame) -> Figures:
+    return {TABLE.name: lambda: bars(_groups(rows), "accuracy", grey=RIVAL)}
+
+
+def _listed(row: Row) -> bool:
+    """Leave out the rows of other tables: encoder_comparison and labelled_probe have the whole simulation, the latter also the rival."""
+    return row["simulation"] != EVERYTHING and (row["probe"] == TEXT or RIVAL not in row["simulation"])
+
+
+run, recordings, score = framed(TABLE, query, cells, _figures, lambda rows: values(_groups(rows)), copied=True, listed=_listed)

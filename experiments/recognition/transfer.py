@@ -44,9 +44,7 @@ def ranked_split(drives: Frame, classes: Mapping[str, str] | None = None) -> Spl
 
 
 def predict(config: Config, split: Split, change: Callable[[Split, int], Split] = lambda split, seed: split) -> list[NDArray]:
-    """Return the random forest's predictions (recordings,) for each seed. The function `change(split, seed)` may alter the training and
-    test rows before training.
-    """
+    """Return the forest's predictions (recordings,) for each seed, after `change(split, seed)` of the rows."""
     return [forest(change(split, seed), seed, config.supervision.trees) for seed in seeds(config)]
 
 

@@ -63,9 +63,7 @@ def correlation_figure(agreements: Frame) -> Figure:
 
 
 def slices_figure(slices: dict[tuple[str, str], np.ndarray]) -> Figure:
-    """Draw histograms of agreement: rank correlations over objects and over distances, and whether features change in the same direction
-    between rooms.
-    """
+    """Draw histograms of the agreement over objects and over distances, and of its direction between rooms."""
     motions = list(dict.fromkeys(motion for motion, _ in slices))
     drawing, panels = figure(1, len(motions), width_in=PAGE_WIDTH_IN, height_in=2.4, sharey=True, squeeze=False)
     for panel, motion in zip(panels[0], motions, strict=True):

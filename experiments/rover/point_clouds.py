@@ -20,11 +20,10 @@ from experiments.campaign.cases import COMPARED, LABELS, MEASURED, ROVER, TWIN
 from experiments.campaign.frame import Column, Frame
 from experiments.cells import Cell, mean, paired
 from experiments.drawing import Figure
-from experiments.draws import Query
 from experiments.framed import framed
 from experiments.rover.rover_fidelity import WHERE
 from experiments.statistics import POSITIVE, SHARE, SIGNED
-from experiments.verdicts import NONE, Claim
+from experiments.verdicts import NONE, Claim, Row
 from radartwin.config.config import Config
 from radartwin.features import cloud
 from radartwin.features.profile import FAR_M, NEAR_M
@@ -122,7 +121,8 @@ def _figure(frame: Frame) -> Figure:
     return drawing
 
 
-run, recordings, score = framed(
-    TABLE, lambda config: Query(config, MOTIONS), cells, lambda rows, first: {TABLE.name: lambda: _figure(first)},
-    lambda rows: {f"found_{r['room']}_{r['motion']}": r["value"] for r in rows if r["metric"] == GAIN},
-)  # fmt: skip
+def _metrics(rows: list[Row]) -> dict[str, float]:
+    return {f"found_{r['room']}_{r['motion']}": r["value"] for r in rows if r["metric"] == GAIN}
+
+
+run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, {TABLE.name: _figure}, _metrics)

@@ -24,7 +24,6 @@ from experiments import statistics
 from experiments.campaign.cases import COMPARED, ROVER
 from experiments.campaign.frame import Frame, features
 from experiments.cells import Cell, using
-from experiments.draws import Query
 from experiments.framed import Figures, framed
 from experiments.rover.figures import slices_figure
 from experiments.statistics import Estimate
@@ -100,9 +99,7 @@ def statistics_of(levels: Levels) -> Iterator[tuple[str, str, Statistic, Limits,
 
 
 def slice_correlations(levels: Levels, factor: str) -> NDArray[np.floating]:
-    """Compute the rank correlation of every feature in every slice along a factor. Slices with fewer than three values of the factor
-    are left out.
-    """
+    """Compute the rank correlation of every feature in every slice along a factor with three values or more."""
     slices = _grouped(levels, lambda label: tuple(part for i, part in enumerate(label) if i != POSITIONS[factor]))
     correlations = [_rank_correlations(members) for members in slices if len(members) >= 3]
     values = np.concatenate(correlations) if correlations else np.zeros(0)
@@ -126,16 +123,12 @@ def room_signs(levels: Levels) -> NDArray[np.floating]:
 
 
 def pooled(levels: Levels) -> NDArray[np.floating]:
-    """Return the rank correlation between measured and simulated values of each feature (features,). The correlation is computed over all
-    objects and distances of a room, and then averaged over rooms.
-    """
+    """Return the rank correlation of each feature (features,) over all objects and distances of a room, averaged over rooms."""
     return _mean_correlation(levels, lambda label: label[1])
 
 
 def matched(levels: Levels) -> NDArray[np.floating]:
-    """Return the rank correlation between measured and simulated values of each feature (features,). The correlation is computed over the
-    objects at each room and distance, and then averaged.
-    """
+    """Return the rank correlation of each feature (features,) over the objects at each room and distance, averaged."""
     return _mean_correlation(levels, lambda label: label[1:])
 
 
@@ -188,9 +181,7 @@ def _grouped(levels: Levels, group: Callable[[Label], Any]) -> list[NDArray]:
 
 
 def _mean_correlation(levels: Levels, group: Callable[[Label], Any]) -> NDArray[np.floating]:
-    """Return the rank correlation of measured and simulated values, as a mean over groups, for each feature (features,). Groups in which a
-    feature is constant do not count; NaN if no group is left.
-    """
+    """Return the rank correlation of measured and simulated values (features,), as a mean over the groups where a feature varies."""
     correlations = np.stack([_rank_correlations(members) for members in _grouped(levels, group)])
     finite = np.isfinite(correlations)
     return np.where(finite.any(axis=0), np.where(finite, correlations, 0).sum(axis=0) / np.maximum(finite.sum(axis=0), 1), np.nan)
@@ -236,7 +227,8 @@ def _figures(rows: list[Row], first: Frame) -> Figures:
     return {"rover_slices": lambda: slices_figure(slice_values)} if slice_values else {}
 
 
-run, recordings, score = framed(
-    TABLE, lambda config: Query(config, MOTIONS), cells, _figures,
-    lambda rows: {f"{r['metric'].replace(' ', '_')}_{r['motion']}": r["value"] for r in rows if r["case"] in ("pooled", "matched")},
-)  # fmt: skip
+def _metrics(rows: list[Row]) -> dict[str, float]:
+    return {f"{r['metric'].replace(' ', '_')}_{r['motion']}": r["value"] for r in rows if r["case"] in ("pooled", "matched")}
+
+
+run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, _figures, _metrics)

@@ -22,11 +22,10 @@ from experiments import statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, ROVER
 from experiments.campaign.frame import Frame, features
 from experiments.cells import Cell, mean, paired, per, using
-from experiments.draws import Query
 from experiments.framed import framed
 from experiments.rover.figures import correlation_figure, panels_figure
 from experiments.statistics import Estimate
-from experiments.verdicts import NONE, Claim
+from experiments.verdicts import NONE, Claim, Row
 from radartwin.config.config import Config
 from radartwin.errors import InputError
 from radartwin.features.align import overlap, start_offset
@@ -136,9 +135,7 @@ def _signals(here: Frame, place: Place) -> Iterator[Cell]:
 
 
 def _orders(frame: Frame) -> Iterator[Cell]:
-    """Declare the share of positive rank correlations and the mean correlation of each feature family, for each room and motion. The last
-    cell is the share of features whose mean rank correlation does not exceed that of the feature `multipath share`.
-    """
+    """Declare the share of positive rank correlations and the mean of each family at a room and motion, and the rank of MULTIPATH."""
     correlations = agreements(frame)
     ordered = frame.merge(correlations[WHERE].drop_duplicates())
     for (room, motion), group in correlations.groupby(["room", "motion"]):
@@ -173,9 +170,7 @@ def share_alike(rows: Frame, resamples: int, seed: int) -> Estimate:
 
 
 def _positive_shuffled(measured: NDArray, simulated: NDArray, orders: NDArray) -> NDArray[np.bool_]:
-    """Return (permutations, features) whether the rank correlation over the objects of a place is positive after the simulated objects are
-    permuted. The permutation of these objects is their order by the numbers `orders` (permutations, objects).
-    """
+    """Return (permutations, features) whether the correlation is positive after the simulated objects are sorted by `orders`."""
     from scipy.stats import rankdata
 
     ranks, twin_ranks = (rankdata(values, axis=0) - (len(values) + 1) / 2 for values in (measured, simulated))
@@ -187,9 +182,7 @@ def _positive_shuffled(measured: NDArray, simulated: NDArray, orders: NDArray) -
 
 
 def _materials(frame: Frame) -> Iterator[Cell]:
-    """Declare the brightness contrast (metal minus plastic, dB) of each place and domain, the share of places where the contrast has the
-    same sign in measurement and simulation, and the ratio of simulated to measured contrast.
-    """
+    """Declare the contrast of metal and plastic at each place and domain, the share of places with one sign, and the ratio."""
     frame = frame[frame.material_class.isin(["metal", "plastic"])]
     both = frame.groupby(WHERE).filter(lambda here: here.material_class.nunique() == 2)
     if both.empty:
@@ -236,11 +229,7 @@ def contrast_test(levels: NDArray, metal: NDArray[np.bool_]) -> float:
 
 
 def _ratio(pairs: NDArray, resamples: int, seed: int) -> Estimate:
-    """Estimate the mean simulated brightness contrast divided by the mean measured contrast, from `pairs` (places, 2), with a bootstrap
-    over places.
-
-    The ratio counts as infinite in a resample whose mean measured contrast is not above zero.
-    """
+    """Estimate the simulated over the measured contrast of `pairs` (places, 2); without a measured contrast it is infinite."""
     value = float(pairs[:, 1].mean() / pairs[:, 0].mean()) if pairs[:, 0].mean() > 0 else float("nan")
     forward, back = statistics.SCALES[statistics.LOG]
     drawn = pairs[np.random.default_rng(seed).integers(len(pairs), size=(resamples, len(pairs)))].mean(axis=1)
@@ -250,12 +239,12 @@ def _ratio(pairs: NDArray, resamples: int, seed: int) -> Estimate:
     return replace(statistics.resampled(value, ratios, len(pairs), statistics.POSITIVE), scale=statistics.LOG, unit="places")
 
 
-run, recordings, score = framed(
-    TABLE, lambda config: Query(config, MOTIONS), cells,
-    lambda rows, first: {
-        "rover_panels": lambda: panels_figure(first), "rover_feature_correlations": lambda: correlation_figure(agreements(first)),
-    },
-    lambda rows: {
-        f"share_alike_{r['room']}_{r['motion']}": r["value"] for r in rows if r["metric"] == "share of features that order objects alike"
-    },
-)  # fmt: skip
+FIGURES = {"rover_panels": panels_figure, "rover_feature_correlations": lambda first: correlation_figure(agreements(first))}
+
+
+def _metrics(rows: list[Row]) -> dict[str, float]:
+    shares = [r for r in rows if r["metric"] == "share of features that order objects alike"]
+    return {f"share_alike_{r['room']}_{r['motion']}": r["value"] for r in shares}
+
+
+run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, FIGURES, _metrics)

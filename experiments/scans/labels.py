@@ -90,9 +90,7 @@ def _row(room: str, source: str, area_m2: float, metric: str, estimate: Estimate
 
 
 def _answered(room: str, scene: Scene, key: str) -> dict[str, Any]:
-    """Return a row with the share of the scan's area that has a recorded answer. Surfaces without a recorded answer get the
-    substitute material.
-    """
+    """Return a row with the share of the scan's area that has a recorded answer; the rest gets the substitute material."""
     area = np.array([s.mesh.area for s in scene])
     share = area[[s.provenance["source"] == "vlm" for s in scene]].sum() / area.sum()
     return _row(room, "vlm", float(area.sum()), "answered", statistics.exact(share, len(scene)), key)
@@ -124,11 +122,7 @@ def _rows(room: str, judged: dict[str, Sequence[Judged]], key: str) -> list[dict
 
 
 def _beats(room: str, judged: dict[str, Sequence[Judged]], source: str, config: Config, key: str) -> dict[str, Any]:
-    """Return a row with the mean reflection error of uniform plasterboard minus that of a material source, in dB.
-
-    The mean is weighted by area, and its confidence interval comes from a bootstrap over surfaces. Random labels are a control without a
-    verdict.
-    """
+    """Return a row with the mean error of plasterboard minus that of a source in dB, weighted by area. Random labels are a control."""
     areas = np.array([j.area_m2 for j in judged[source]])
     gain = np.array([u.distance_db - j.distance_db for u, j in zip(judged["uniform"], judged[source], strict=True)])
     mean = statistics.ratio(gain * areas, areas, config.profile.resamples, config.seed)

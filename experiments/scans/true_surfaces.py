@@ -98,9 +98,7 @@ def samples(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _joined(scene: Scene, parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Join the points (N, 3) and face indices (N,) of all surfaces. Returns (points, normals, surface indices) in the same form as
-    the function `samples`.
-    """
+    """Join the points (N, 3) and face indices (N,) of all surfaces to (points, normals, surface indices), as `samples` returns them."""
     points = [at for at, _ in parts]
     normals = [np.asarray(s.mesh.face_normals)[face] for s, (_, face) in zip(scene, parts, strict=True)]
     number = np.repeat(np.arange(len(parts)), np.array([len(at) for at in points], int))

@@ -241,9 +241,7 @@ def _driven(
 
 
 def in_new_process(imports: str, code: str, *arguments: str) -> dict[str, float]:
-    """Run code that makes a scene `scene` in a new process, and return the `surfaces` of the scene, the wall time `seconds` of the code
-    without its imports, and for the whole process the processor time `core_seconds` and the largest resident memory `peak_gib`.
-    """
+    """Run code that makes `scene` in a new process; return its surfaces, seconds, core-seconds and peak memory in GiB."""
     code = f"""
 import json, sys, time
 from experiments.speed.machine import peak_gib

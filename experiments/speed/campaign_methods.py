@@ -56,9 +56,7 @@ class Twin:
 
 
 def twins(full: bool) -> list[Twin]:
-    """Return the compared methods; the default method is the first. If `full` is true, more settings of the compared methods are
-    included.
-    """
+    """Return the compared methods, the default first; if `full`, with more settings."""
     few = [
         Twin(OURS, DEFAULT),
         Twin(OURS, "no room", changed={"materials": VoidMaterials()}),
@@ -88,9 +86,7 @@ def recordings(config: Config, store: Store, progress: Progress, full: bool) -> 
 
 
 def measure(config: Config, store: Store, progress: Progress, full: bool) -> list[dict[str, Any]]:
-    """Simulate the campaign with every method and return one row per method. The scan that all methods use is computed before the
-    timing.
-    """
+    """Simulate the campaign with every method and return one row per method, without the time of the scan that all use."""
     virtual_scan.fetch(config, store, BENCH_ROOM, config.measured.gap.geometry)
     rows = []
     for method in progress.over(twins(full), "methods on the campaign"):
@@ -118,11 +114,7 @@ def _configured(config: Config, method: Twin, full: bool) -> Config:
 
 
 def _cost(campaign: Campaign, cases: Sequence[Any]) -> dict[str, Any]:
-    """Return the processor seconds per frame over the recordings that reused a set-up: the median, and the value of each recording.
-
-    All run times per frame include the longest set-up time, divided by the number of all frames. The longest time is used because shorter
-    set-ups read traced paths from the disk.
-    """
+    """Return processor seconds per frame of recordings that reused a set-up (median, each), plus their share of the longest set-up."""
     made = [campaign.clean("twin", case).read_json("meta") for case in cases]
     frames = [meta["told"]["frames"] for meta in made]
     setups = [int(meta["told"].get(tally.SETUPS, 0)) for meta in made]
@@ -154,8 +146,6 @@ def feature_error(simulated: Samples, measured: Samples) -> tuple[float, float]:
 
 
 def recognition_error(simulated: Samples, measured: Samples) -> float:
-    """Return the share of measured revolutions whose symmetry class is predicted wrongly by a classifier trained on simulated
-    revolutions.
-    """
+    """Return the share of measured revolutions whose symmetry a classifier trained on simulated revolutions gets wrong."""
     split = label_free(ranked(simulated).relabelled(GEOMETRY), ranked(measured).relabelled(GEOMETRY))
     return float(np.mean(transferred_probe(split) != split.test.label))

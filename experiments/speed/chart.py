@@ -35,9 +35,7 @@ def short(setting: str) -> str:
 
 
 def chart(rows: Sequence[Row], error: str) -> Figure:
-    """Draw seconds per frame against error, with one panel per test problem. A line joins the points on the Pareto front; a star
-    marks RadarTwin's default setting.
-    """
+    """Draw seconds per frame against error with a panel per problem, a line along the Pareto front, and a star for the default."""
     measured = [row for row in rows if not row["claim"] and row[error] is not None]
     problems = {name: [row for row in measured if row["problem"] == name] for name in dict.fromkeys(row["problem"] for row in measured)}
     drawing, panels = figure(2, 3, width_in=PAGE_WIDTH_IN, height_in=5.6, sharex=True, sharey=True)

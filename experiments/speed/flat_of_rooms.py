@@ -84,10 +84,7 @@ def _walls(side: int, low: np.ndarray, high: np.ndarray) -> shapely.Geometry:
 
 
 def _piece(random: np.random.Generator, taken: list[np.ndarray], plain: bool) -> tuple[trimesh.Trimesh, str] | None:
-    """Return a piece of furniture that fits into a room, and its material, or None if the room is full.
-
-    taken: rectangles (4,) of the pieces in the room; the function adds the rectangle of the new piece.
-    """
+    """Return a piece of furniture and its material, or None if the room is full, and add its rectangle (4,) to those in `taken`."""
     kind = "cabinet" if plain else str(random.choice(["cabinet", "cabinet", "table", "shelf"]))
     for shrink in (1.0, 0.8, 0.6):
         if kind == "table":

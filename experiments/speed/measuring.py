@@ -132,11 +132,7 @@ class Timed:
         self.frames = most if is_radartwin else int(np.clip(budget_s / max(warm * len(self.problem.parts), 1e-9), self.frames, most))
 
     def _rays(self, each: float, once: float) -> float:
-        """Return the number of rays per frame.
-
-        For RadarTwin's tracer, add the rays launched for each frame (`each`) and the rays launched once per recording (`once`) divided by
-        the number of frames. For other simulators, return the number of rays in their settings.
-        """
+        """Return the rays per frame: of our tracer `each` and its share of those launched `once`; of others the setting."""
         from_settings = rays_of(self.method.simulator)
         return each + once / self.problem.frames if from_settings is None else float(from_settings)
 

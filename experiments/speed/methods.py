@@ -64,9 +64,7 @@ def tracer(setting: str, elements: str = "exact", **settings: Any) -> Method:
 
 
 def of_problem(problem: Problem, full: bool) -> list[Method]:
-    """Return the methods that run on a test problem; RadarTwin's default is the first. If `full` is true, all settings of the methods
-    are included, else a selection.
-    """
+    """Return the methods that run on a test problem, RadarTwin's default first; if `full`, with all their settings."""
     images = [Method(IMAGES, "all of four bounces", "")] if problem.name == "empty room" else []
     return [tracer(DEFAULT), *(_room(problem, full) if problem.room else _targets(full)), *_peers(full), *images]
 
@@ -112,9 +110,7 @@ def _peers(full: bool) -> list[Method]:
 
 @dataclass(frozen=True)
 class ExactImages:
-    """A simulator that returns the exact image sources of the empty office. This simulator traces no rays and ignores the scene
-    argument.
-    """
+    """A simulator that returns the exact image sources of the empty office, whatever the scene."""
 
     bounces: int = 4
     name = "images"

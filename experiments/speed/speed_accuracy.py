@@ -166,10 +166,7 @@ def campaign_rows(methods: Sequence[Mapping[str, Any]], machine: Mapping[str, st
 
 
 def _share_error(share: float, answers: int) -> float:
-    """Return the standard error of a share of wrong predictions among `answers` predictions.
-
-    Laplace's rule of succession keeps the standard error above zero if all or none of the predictions are wrong.
-    """
+    """Return the standard error of a share of wrong predictions, by Laplace's rule of succession never zero."""
     fair = (share * answers + 1) / (answers + 2)
     return float(np.sqrt(fair * (1 - fair) / answers))
 

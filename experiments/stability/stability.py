@@ -79,9 +79,7 @@ def safe(errors_db: Sequence[float]) -> int:
 
 
 def sweep_rows(sweep: Sweep, by_method: Sequence[tuple[Method, Sequence[float]]]) -> list[dict[str, Any]]:
-    """Return the rows of one sweep, one row per method. The row of RadarTwin's tracer states the claim that no other method has a larger
-    safe region.
-    """
+    """Return the rows of one sweep. The row of our tracer claims that no other method has a larger safe region."""
     best = max(safe(errors) for _, errors in by_method)
     rows = []
     for method, errors in by_method:
@@ -107,9 +105,7 @@ def safe_words(sweep: Sweep, count: int) -> str:
 
 
 def map_of(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw a map with the error of every method at every value of the sweeps. The text on the right of the map gives the first value
-    of each sweep at which a method fails.
-    """
+    """Draw a map of the error of every method at every value of the sweeps, with the first value at which a method fails."""
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     rows = [row for row in rows if row["family"]]

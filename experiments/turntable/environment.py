@@ -174,9 +174,7 @@ def wanted(config: Config, campaigns: Mapping[str, RecordingSource]) -> list[tup
 
 
 def cells(labels: Mapping[str, str], frame: Frame) -> Iterator[Cell]:
-    """Declare the correlation of the simulated profiles, without and with the room, with the measured profiles on each scale, its increase
-    due to the room, the energy shares beyond the target, and the change of the increase from the smallest to the largest distance.
-    """
+    """Declare correlations without and with the room on each scale, their gain and its change with distance, and energy shares."""
     gains: dict[tuple[str, float], NDArray] = {}
     for distance, here in frame.groupby("distance_m"):
         at = {"distance_m": distance}
@@ -246,9 +244,7 @@ def similarities(here: Frame, side: str) -> tuple[list[float], list[float]]:
 
 
 def _add_operating_point(rows: Sequence[dict[str, Any]], best: operating_points.Point | None, labels: dict[str, str]) -> None:
-    """Add the column "at_operating_point" to all rows. If the operating point with the paper's figures gives the quantity of a row, the
-    column has the mean at this point, otherwise None.
-    """
+    """Add the column "at_operating_point" to all rows: the mean at the point with the paper's figures, where it has the quantity."""
     for row in rows:
         row["at_operating_point"] = None
         if best and row["distance_m"] == PAPER_DISTANCE_M and row["scale"] in (best.scale, "power"):

@@ -33,9 +33,7 @@ RIPPLES = Claim("flat facets ripple at their own number of cycles", "about 128 c
 
 
 def can(flat: bool) -> trimesh.Trimesh:
-    """Build the side wall of a can of FACETS facets, with its axis along z. If `flat` is true, the facets stay flat; otherwise vertex
-    normals curve them.
-    """
+    """Build the side wall of a can of FACETS facets along z, which are flat or curved by vertex normals."""
     import trimesh
 
     corner = 2 * np.pi * np.arange(FACETS + 1) / FACETS
@@ -63,9 +61,7 @@ def envelope(mesh: trimesh.Trimesh, distance_m: float | None, seed: int) -> NDAr
 
 
 def ripple_rows(config: Config) -> list[Row]:
-    """Build rows of the ripple of the flat-faceted and the curved can, and of the ratio of both. The intervals in these rows span the
-    results of all random seeds of the ray grid.
-    """
+    """Build rows of the ripple of both cans and of their ratio; the intervals span all random seeds of the ray grid."""
     rows = []
     for distance in (NEAR_M, None):
         envelopes = {flat: [envelope(can(flat), distance, seed) for seed in SEEDS] for flat in (True, False)}

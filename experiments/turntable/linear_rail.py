@@ -20,7 +20,6 @@ from experiments.campaign.columns import TRACKERS
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell, mean, paired
 from experiments.drawing import DOMAIN_STYLES, Figure, legend_above
-from experiments.draws import Query
 from experiments.framed import framed
 from experiments.verdicts import BELOW, NONE, Claim, Row, within
 from radartwin.config.config import Config
@@ -100,6 +99,4 @@ def _metrics(rows: list[Row]) -> dict[str, float]:
     return {f"{r['metric'].split(' (')[0].replace(' ', '_')}_{r['motion']}_{r['of']}": r["value"] for r in kept}
 
 
-run, recordings, score = framed(
-    TABLE, lambda config: Query(config, MOTIONS), cells, lambda rows, first: {TABLE.name: lambda: _figure(first)}, _metrics
-)
+run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, {TABLE.name: _figure}, _metrics)

@@ -164,9 +164,7 @@ def best(points: Sequence[Point]) -> Point | None:
 
 
 def add_rows(rows: RowList, points: Sequence[Point]) -> None:
-    """Add the figures of the points nearest to the paper's, the share of recordings with its figures at the point with most of them, and
-    the number of points at which its figures occur together in the mean.
-    """
+    """Add the figures of the nearest points, the largest share of recordings with the paper's figures, and the number of points."""
     nearest = sorted(points, key=lambda point: (not point.accepted, point.departure))
     for point in nearest[:SHOWN]:
         case = {"distance_m": DISTANCE_M, "target_to_room_db": point.ratio_db, "scale": point.scale}

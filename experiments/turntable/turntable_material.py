@@ -16,7 +16,6 @@ from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TW
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell, difference, gap, mean, per
 from experiments.drawing import DOMAIN_STYLES, Figure, legend_above, panels_width_in
-from experiments.draws import Query
 from experiments.framed import framed
 from experiments.verdicts import BELOW, NONE, Claim, Row
 from radartwin.config.config import Config
@@ -102,7 +101,4 @@ def _metrics(rows: list[Row]) -> dict[str, float]:
     return {f"metal_less_plastic_{r['of']}_{r['distance_m']:g}m_db": r["value"] for r in contrasts}
 
 
-run, recordings, score = framed(
-    TABLE, lambda config: Query(config, MOTIONS, unknown=True), cells,
-    lambda rows, first: {"turntable_brightness": lambda: _figure(first)}, _metrics,
-)  # fmt: skip
+run, recordings, score = framed(TABLE, {"motions": MOTIONS, "unknown": True}, cells, {"turntable_brightness": _figure}, _metrics)

@@ -21,7 +21,6 @@ from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TW
 from experiments.campaign.frame import Column, Frame
 from experiments.cells import Cell, joined_rows, mantel, mean, paired, per, rank_correlation, using
 from experiments.drawing import DOMAIN_STYLES, Figure, legend_above
-from experiments.draws import Query
 from experiments.framed import framed
 from experiments.statistics import Estimate
 from experiments.turntable.facet_ripple import ripple_rows
@@ -79,9 +78,7 @@ def _case(label: str, of: str = "both", distance_m: float | None = None) -> dict
 
 
 def _ratios(frame: Frame) -> Iterator[Cell]:
-    """Declare the harmonic ratio of each object in each domain, and the factor between the ratios of objects that are not round (peaked)
-    and of the cans.
-    """
+    """Declare the harmonic ratio of each object and domain, and the factor between objects that are not round (peaked) and the cans."""
     can, peaked = frame.object.map(is_can), frame["shape"] != "symmetric"
     for domain in COMPARED:
         of = frame[frame.domain == domain]
@@ -95,9 +92,7 @@ def _ratios(frame: Frame) -> Iterator[Cell]:
 
 
 def _separation(rows: Frame, resamples: int, seed: int) -> Estimate:
-    """Estimate the geometric mean of the harmonic ratios of the objects that are not round over that of the cans, from the mean ratio of
-    each object, with a bootstrap over objects.
-    """
+    """Estimate the geometric mean of the harmonic ratios of peaked objects over that of the cans, with a bootstrap over objects."""
     logs = np.log(per(RATIO)(rows).clip(lower=LOWEST))
     cans = logs.index.map(is_can)
     estimate = statistics.difference(logs[~cans].to_numpy(), logs[cans].to_numpy(), resamples, seed)
@@ -133,9 +128,7 @@ def similarity(frame: Frame) -> Frame:
 
 
 def own_and_others(similar: Frame) -> tuple[Column, Frame]:
-    """Return the mean SSIM of each measured object with its own simulation (objects,), and with the simulation of each other object
-    (objects, objects), which is NaN for the object itself.
-    """
+    """Return the mean SSIM of each object with its own simulation, and with those of others (objects, objects; NaN for itself)."""
     means = similar.groupby(["object", "object_twin"], sort=False).ssim.mean().unstack().reindex(similar.object.unique())
     itself = means.index.to_numpy()[:, None] == means.columns.to_numpy()
     return means.where(itself).max(axis=1), means.mask(itself)
@@ -153,10 +146,7 @@ def _signatures(frame: Frame) -> Iterator[Cell]:
 
 
 def _distances(frame: Frame) -> Iterator[Cell]:
-    """Declare the variation of the harmonic ratio with distance, for the corner reflector and as a mean over objects.
-
-    The claim is that the harmonic ratio of the corner reflector varies less with distance than the harmonic ratio varies between objects.
-    """
+    """Declare the variation of the ratio with distance, of the reflector (claimed to be below that between objects) and of objects."""
     metric = "variation over distance"
     for domain in COMPARED:
         of = frame[frame.domain == domain]
@@ -213,11 +203,8 @@ def _metrics(rows: list[Row]) -> dict[str, float]:
     return {headline[r["metric"]]: r["value"] for r in rows if r["metric"] in headline and r["case"] == "all objects"}
 
 
-_run, recordings, score = framed(
-    TABLE, lambda config: Query(config, MOTIONS), cells,
-    lambda rows, first: {"turntable_ssim": lambda: _ssim_figure(similarity(first)), "turntable_ranking": lambda: _ranking_figure(first)},
-    _metrics,
-)  # fmt: skip
+FIGURES = {"turntable_ssim": lambda first: _ssim_figure(similarity(first)), "turntable_ranking": _ranking_figure}
+_run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, FIGURES, _metrics)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:

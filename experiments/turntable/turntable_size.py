@@ -18,11 +18,10 @@ from experiments.campaign.cases import COMPARED, LABELS
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell, per, rank_correlation, using
 from experiments.drawing import DOMAIN_STYLES, Figure, legend_above, panels_width_in
-from experiments.draws import Query
 from experiments.framed import framed
 from experiments.statistics import Estimate
 from experiments.turntable.turntable_shape import is_can
-from experiments.verdicts import EQUAL, NONE, Claim
+from experiments.verdicts import EQUAL, NONE, Claim, Row
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features.families import BRIGHTNESS
@@ -100,8 +99,8 @@ def _figure(frame: Frame) -> Figure:
     return drawing
 
 
-run, recordings, score = framed(
-    TABLE, lambda config: Query(config, MOTIONS), cells, lambda rows, first: {TABLE.name: lambda: _figure(first)},
-    lambda rows: {f"order_by_height_{r['of']}": r["value"] for r in rows if r["metric"] == "order by height" and r["distance_m"] is None},
-    named=True,
-)  # fmt: skip
+def _metrics(rows: list[Row]) -> dict[str, float]:
+    return {f"order_by_height_{r['of']}": r["value"] for r in rows if r["metric"] == "order by height" and r["distance_m"] is None}
+
+
+run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, {TABLE.name: _figure}, _metrics, named=True)

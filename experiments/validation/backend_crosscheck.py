@@ -85,9 +85,7 @@ class Compared:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compare the paths in all rooms: at one radar position per room with profile=quick, at `profile.repeats` positions with
-    profile=paper.
-    """
+    """Compare the paths at one radar position per room (profile=quick) or at `profile.repeats` positions."""
     places = 1 if config.profile.name == "quick" else config.profile.repeats
     compared: dict[tuple[str, str, str], list[Compared]] = {}
     by_room: dict[str, dict[str, PathSet]] = {}

@@ -70,9 +70,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
 
 
 def row(case: Case, full: bool) -> dict[str, Any]:
-    """Compute a validation case and return its table row. If a validation case cannot be tested, the column `oracle` of its row gives
-    the reason.
-    """
+    """Compute a validation case and return its table row, whose `oracle` says why a case cannot be tested."""
     started = time.perf_counter()
     oracle, reference, simulated, error, seconds, estimate = case.oracle, None, None, None, None, exact(math.nan, 0)
     try:

@@ -71,9 +71,7 @@ def image_paths(
 
 
 def orders(direction: np.ndarray, walls: list[tuple[int, float]], sensor_m: np.ndarray) -> Iterator[tuple[tuple[int, ...], float]]:
-    """Yield every order (indices of `walls`) in which a path can cross its walls, with its share of the shift directions around the
-    line.
-    """
+    """Yield every order (indices of `walls`) in which a path can cross its walls, with its share of the shift directions."""
     first = np.eye(3)[np.argmin(np.abs(direction))]
     u = np.cross(direction, first)
     u /= np.linalg.norm(u)
@@ -92,9 +90,7 @@ def across(axis: np.ndarray, ray: np.ndarray) -> np.ndarray:
 
 
 def carried(axes: Sequence[int], direction: np.ndarray, axis: np.ndarray, reflections: Sequence[Reflection]) -> complex:
-    """Return the received field of a path that hits walls perpendicular to `axes` one after another. Each wall has its own entry of
-    `reflections`.
-    """
+    """Return the received field of a path that hits walls perpendicular to `axes`, with one entry of `reflections` each."""
     ray = direction.copy()
     field = across(axis, ray).astype(complex)
     for wall, reflection in zip(axes, reflections, strict=True):

@@ -35,10 +35,7 @@ OVER_METAL = "over metal (dB)"
 
 
 def _samples(mesh: trimesh.Trimesh, material: str | Layered, distance_m: float, roll: bool = False, bounce: int = 0) -> np.ndarray:
-    """Return samples (samples,) of a target on the radar's axis for vertical antennas, or for horizontal antennas if `roll` is true.
-
-    A positive `bounce` keeps only the paths with this number of bounces.
-    """
+    """Return samples (samples,) of a target for vertical (`roll`: horizontal) antennas, of all paths or those with `bounce` bounces."""
     pose = traced.pose([distance_m, 0.0, 0.0], np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]) if roll else None)
     scene = rt.Scene([rt.Surface(mesh, material, "target", role="object")])
     parts = traced.trace(scene, traced.MONOSTATIC, pose, traced.settings("tubes", rays_per_wavelength2=4.0))
@@ -71,11 +68,7 @@ def _metal(frequency_hz: float) -> complex:
 
 
 def _oblique(full: bool) -> Finding:
-    """Compare the double bounce in a dihedral with transfer matrices, as a mean over the sweep. Both reflections in the dihedral have an
-    angle of incidence of 45 degrees.
-
-    The reflections are TE if the field is along the fold of the dihedral, and TM if the field is across the fold.
-    """
+    """Compare the double bounce in a dihedral (45 degrees) with transfer matrices over the sweep: TE along the fold, TM across it."""
     pairs = []
     mesh = objects.dihedral(0.1, 0.1)
     frequencies = traced.frequencies(traced.MONOSTATIC)[EDGE:-EDGE:16]
@@ -89,9 +82,7 @@ def _oblique(full: bool) -> Finding:
 
 
 def _slab_table(full: bool) -> Finding:
-    """Compare the reflection of dielectric slabs with the reference table at 77 GHz. Brick, plywood and marble are left out. For these
-    materials, the reference table uses permittivity formulas outside their frequency range.
-    """
+    """Compare slabs with the reference table, without materials whose permittivity it takes from outside the range of the formulas."""
     pairs = []
     for row in reference_rows("slab_reflection_77GHz.csv"):
         if row["material"] in ("brick", "plywood", "marble"):
@@ -140,10 +131,7 @@ def _bottles(contents: str, full: bool) -> Finding:
 
 
 def _bottle_series_table(full: bool) -> Finding:
-    """Compare the echo power of water-filled bottles, relative to the metal can, with the reference table.
-
-    The exact series of this module differs from the reference table by 0.01 dB.
-    """
+    """Compare water-filled bottles, relative to the metal can, with the table, from which our exact series differs by 0.01 dB."""
     rows = {row["case"]: float(row["total_rel_PEC"]) for row in reference_rows("layered_cylinder_exact.csv")}
     names = {"pet 0.3": "PET0.3 water", "pet 1": "PET1.0 water", "glass 3": "glass3 water"}
     return worst([(rows[names[wall]], our_bottle(wall, "water")) for wall in (names if full else ("pet 1",))])

@@ -84,9 +84,7 @@ def _friis(method: str, full: bool) -> Finding:
 
 
 def panel_positions(full: bool) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return (corners, sensor) of panels of 0.1 to 1 m seen from 0.5 to 4 m. The sensor lies between the panel's middle and one width
-    beyond the panel's edge.
-    """
+    """Return (corners, sensor) of panels of 0.1 to 1 m seen from 0.5 to 4 m, from the middle to one width beyond the edge."""
     positions = []
     for width in (0.1, 0.3, 1.0):
         half = width / 2
@@ -125,10 +123,7 @@ def _panels(method: str, full: bool) -> Finding:
 
 
 def _two_panels(method: str, full: bool) -> Finding:
-    """Compare the double bounces of two 0.5 m panels at a right angle, which are 1 mm apart at the fold.
-
-    The errors of the double bounces are relative to the amplitude of the double image of infinite panels.
-    """
+    """Compare the double bounce of two 0.5 m panels at a right angle, relative to the double image of infinite panels."""
     frequency = traced.MONOSTATIC.center_frequency_hz
     wavelength = SPEED_OF_LIGHT / frequency
     first = np.array([[0.001, 0, -0.25], [0.5, 0, -0.25], [0.5, 0, 0.25], [0.001, 0, 0.25]])

@@ -178,11 +178,7 @@ def _area(corners: np.ndarray) -> float:
 
 
 def _rule(triangle: np.ndarray, source: np.ndarray, target: np.ndarray, wavelength: float) -> tuple[np.ndarray, ...] | None:
-    """Return quadrature nodes and weights along both parameters of a triangle. The quadrature cells are small enough for the phase of the
-    path source-point-target.
-
-    The parameters map the unit square to the triangle by p = a + u (b - a) + u v (c - b), with the area element u |(b - a) x (c - b)|.
-    """
+    """Return nodes and weights along u and v of p = a + u (b - a) + u v (c - b), in cells small enough for the phase of the path."""
     if _area(triangle) < EMPTY_M2:
         return None
     nodes, weights = np.polynomial.legendre.leggauss(ORDER)

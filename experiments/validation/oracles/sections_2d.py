@@ -27,9 +27,7 @@ FRAMES = 11  # number of frames of each shape
 
 
 def optics(strips: np.ndarray, frequency_hz: float) -> complex:
-    """Return the field that strips (S, 2, 2) scatter back to a line source at the origin, over all paths that hit each strip at most once.
-    No strip casts a shadow.
-    """
+    """Return the field that strips (S, 2, 2) scatter back to the origin, over all paths that hit each strip at most once."""
     orders = [order for count in (1, 2) for order in permutations(range(len(strips)), count)]
     return sum((_path([strips[i] for i in order], 2 * np.pi * frequency_hz / SPEED_OF_LIGHT) for order in orders), 0j)
 

@@ -90,10 +90,7 @@ class Room:
             yield Image(length, direction, arrival, order, amplitude * SPEED_OF_LIGHT / (4 * np.pi * self._frequency_hz * length), clear)
 
     def _zone(self, direction: np.ndarray, length_m: float) -> np.ndarray:
-        """Return vectors (AROUND, 3) from a path to the edge of its first Fresnel zone at the zone's widest place.
-
-        `_beside` shortens these vectors at other places.
-        """
+        """Return vectors (AROUND, 3) from a path to the edge of its first Fresnel zone where this is widest."""
         first = box.across(np.eye(3)[np.argmin(np.abs(direction))], direction)
         angle = 2 * np.pi * (np.arange(AROUND) + 0.37) / AROUND
         ring = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * np.cross(direction, first)
@@ -113,11 +110,7 @@ class Room:
     def _met_along(
         self, sensor: np.ndarray, line: np.ndarray, walls: Sequence[tuple[int, float]], aside: np.ndarray
     ) -> tuple[list[int] | None, np.ndarray]:
-        """Follow the line to an image, shifted by `aside`. Returns the surface that the line hits at each wall, and the points (P, 3) of
-        the line folded back into the room.
-
-        The returned surfaces are None if the line leaves the room through an opening.
-        """
+        """Return the surface at each wall of the line to an image (None: an opening), shifted by `aside`, and its folded points."""
         surfaces, reached = [], []
         for across, coordinate in walls:
             share = (coordinate - sensor[across]) / line[across]

@@ -23,9 +23,7 @@ BUILDING = {
 
 
 def permittivity(name: str, frequency_hz: float) -> complex:
-    """Return the relative permittivity of a building material, water at 20 C, or air. The permittivities of other materials come from
-    RadarTwin's own tables.
-    """
+    """Return the relative permittivity of a building material, water at 20 C or air; others come from RadarTwin's own tables."""
     ghz = frequency_hz / 1e9
     if name in BUILDING:
         real, c, d = BUILDING[name]

@@ -191,9 +191,7 @@ def _closed_forms(full: bool) -> Finding:
 
 
 def _mie_table(full: bool) -> Finding:
-    """Compare spheres of at least 5 mm radius with the Mie reference table. Spheres with a smaller radius are left out, because
-    physical optics itself is wrong for them.
-    """
+    """Compare spheres of at least 5 mm radius, for which physical optics holds, with the Mie reference table."""
     rows = [row for row in reference_rows("mie_pec_sphere_77GHz.csv") if float(row["a_mm"]) >= 5]
     return worst([(float(r["mie_dBsm"]), level(objects.sphere(float(r["a_mm"]) / 1e3, 4), AHEAD, DENSITY)) for r in rows])
 
@@ -224,10 +222,7 @@ def scanned(name: str) -> trimesh.Trimesh:
 
 
 def _scanned(name: str, full: bool) -> Finding:
-    """Compare the amplitudes of a scanned object over aspect angles at 4 and at 64 rays per square wavelength.
-
-    The error is the rms difference of the complex amplitudes, relative to the amplitudes at 64 rays per square wavelength.
-    """
+    """Return the rms difference of the amplitudes of a scanned object at 4 and at 64 rays per square wavelength, over aspects."""
     mesh = scanned(name)
     aspects = np.radians(np.linspace(0, 360, 24 if full else 5, endpoint=False) + 7)
     few, many = (

@@ -24,9 +24,7 @@ METHODS = {"tubes": "tubes alone", "panels": "flat faces"}
 
 
 def settings(method: str, **values: Any) -> TraceSettings:
-    """Return the ray tracer's settings for a method of METHODS, with mirror reflections only. The settings for the number of rays
-    apply to ray tubes only.
-    """
+    """Return the ray tracer's settings for a method of METHODS, with mirror reflections only; `rays` applies to ray tubes."""
     values = {"room": method, "diffuse": False, "coupling": False, **values}
     if method == "panels":
         values.pop("rays", None)
