@@ -94,17 +94,12 @@ def resolved(antennas: int, snr_db: float, separation: float, draws: int, seed: 
     signals = 10 ** (snr_db / 20) * np.exp(2j * np.pi * rng.random((draws, snapshots, 2))) @ waves.T
     noise = rng.standard_normal((draws, snapshots, antennas)) + 1j * rng.standard_normal((draws, snapshots, antennas))
     matrices = covariance(signals + noise / np.sqrt(2))
-    offset = np.arange(-WINDOW, WINDOW + STEP / 2, STEP)
-    out = {}
+    offset, targets, out = np.arange(-WINDOW, WINDOW + STEP / 2, STEP), separation * np.array([-0.5, 0.5]), {}
     for method in METHODS:
         levels = spectrum(matrices, positions_m, frequency_hz, AngleMethod(method, sources=2))(_horizontal(rayleigh * offset))
-        out[method] = sum(_is_resolved(offset, level, separation) for level in levels)
+        highest = [np.sort(offset[maxima(level)[:2]]) for level in levels]
+        out[method] = sum(len(two) == 2 and bool((np.abs(two - targets) < separation / 2).all()) for two in highest)
     return out
-
-
-def _is_resolved(offset: np.ndarray, level: np.ndarray, separation: float) -> bool:
-    highest = np.sort(offset[maxima(level)[:2]])
-    return len(highest) == 2 and bool((np.abs(highest - separation * np.array([-0.5, 0.5])) < separation / 2).all())
 
 
 def _horizontal(sine: np.ndarray) -> np.ndarray:

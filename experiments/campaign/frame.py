@@ -45,6 +45,8 @@ def shared(source: RecordingSource, motions: Sequence[str], room: str | None = N
         room: room of the recordings; None stands for all rooms.
         several: whether only the recordings that `balanced` keeps are returned.
     """
+    import pandas as pd
+
     conditions = {"room": room} if room else {}
     cases = [(domain, case) for domain in COMPARED for motion in motions for case in source.cases(domain, motion=motion, **conditions)]
     places = [{_place(case) for of, case in cases if of == domain} for domain in COMPARED]
@@ -62,13 +64,9 @@ def shared(source: RecordingSource, motions: Sequence[str], room: str | None = N
             pair[1].repetition,
         ),
     )  # fmt: skip
-    return [wanted[row] for row in balanced(_conditions(wanted)).index] if several else wanted
-
-
-def _conditions(wanted: Wanted) -> Frame:
-    import pandas as pd
-
-    return pd.DataFrame([{"domain": domain, **dict(zip(CONDITIONS, astuple(case), strict=True))} for domain, case in wanted])
+    if not several:
+        return wanted
+    return [wanted[row] for row in balanced(pd.DataFrame([{"domain": domain, **vars(case)} for domain, case in wanted])).index]
 
 
 def _place(case: Case) -> tuple[Any, ...]:
@@ -93,7 +91,7 @@ def read(source: RecordingSource, wanted: Wanted, progress: Progress) -> Frame:
     rows, known = [], every_object()
     for domain, case in progress.over(list(wanted), "recordings read"):
         key, processed = source.processed(domain, case)
-        conditions = dict(zip(CONDITIONS, astuple(case), strict=True)) | {"domain": domain, **dict.fromkeys(VERSIONS, ""), "key": key}
+        conditions = {**vars(case), "domain": domain, **dict.fromkeys(VERSIONS, ""), "key": key}
         kind = {name: getattr(known[case.object], name) for name in KINDS}
         rows.append({**conditions, **kind, **columns.read(case, processed, source.log(case, domain))})
     return pd.DataFrame(rows)

@@ -37,7 +37,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.radar.processing import azimuth_row
 from radartwin.runs import workers
 from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Product, Store
+from radartwin.store.products import Store
 from radartwin.testbed.testbed import Gaps
 
 TABLE = Table(
@@ -94,10 +94,12 @@ def _made(campaign: Campaign, domain: str, case: Case) -> dict[str, Any]:
     clean, processed = products = campaign.clean(domain, case), campaign.process(domain, case)
     first, second = (product.read_json("meta") for product in products)
     counts, (began_s, ended_s) = first["told"], _span_s(first)
+    paths = [path for product in products for path in product.path.rglob("*")]
     return {
         "domain": domain, "motion": case.motion, "room": case.room, "draw": case.draw, "key": clean.key, "processed_key": processed.key,
         "clean_s": float(first["seconds"]), "processing_s": float(second["seconds"]),
-        "core_s": float(first["core_seconds"]) + float(second["core_seconds"]), "bytes": sum(map(_size, products)),
+        "core_s": float(first["core_seconds"]) + float(second["core_seconds"]),
+        "bytes": sum(path.stat().st_size for path in paths if path.is_file()),
         "began_s": began_s, "ended_s": ended_s,
         "frames": counts["frames"], "traced": counts["traced"], "set_ups": counts.get(tally.SETUPS, 0),
     }  # fmt: skip
@@ -123,10 +125,6 @@ def _span_s(meta: dict[str, Any]) -> tuple[float, float]:
     """Return start and end time of the computation of a stored result, in seconds."""
     ended = datetime.fromisoformat(meta["finished"]).timestamp()
     return ended - float(meta["seconds"]), ended
-
-
-def _size(product: Product) -> int:
-    return sum(path.stat().st_size for path in product.path.rglob("*") if path.is_file())
 
 
 def rows(config: Config, made: Frame) -> RowList:

@@ -145,7 +145,8 @@ def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:
             table.text(x, y, words, ha="center", va="center")
     table.set_xticks(range(len(HEADS)), HEADS.values())
     table.xaxis.tick_top()
-    table.set_yticks(range(len(cases)), [f"{_words(case['case'])}: {case['features']}" for case in cases])
+    names = [re.sub(r"(?<=\d)m$", " m", case["case"].replace("-", ", ").replace("_", " ")) for case in cases]
+    table.set_yticks(range(len(cases)), [f"{name}: {case['features']}" for name, case in zip(names, cases, strict=True)])
     table.tick_params(length=0)
     auto, shipped = ([case[f"{who} (s/frame)"] / case["fixed (s/frame)"] for case in cases] for who in ("auto", "shipped"))
     bars.barh(range(len(cases)), auto, color=PALETTE[0], height=0.6, label="auto")
@@ -159,11 +160,6 @@ def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:
     bars.minorticks_off()
     bars.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
     return drawing
-
-
-def _words(case: str) -> str:
-    """Return the name of a case in words ("lab, turntable, mug, 2 m")."""
-    return re.sub(r"(?<=\d)m$", " m", case.replace("-", ", ").replace("_", " "))
 
 
 def _level(row: Mapping[str, Any], name: str) -> float:

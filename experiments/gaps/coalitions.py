@@ -202,13 +202,10 @@ def recognised_shares(config: Config, simulated: Samples, measured: Mapping[Coal
     The forests are trained once, on simulated frames, and classify the recordings of the testbed with every set of gaps. The features are
     replaced by their ranks within each set of gaps.
     """
-    renamed = [_renamed(transfer.ranked(samples), number) for number, samples in enumerate(measured.values())]
+    renamed = []
+    for number, samples in enumerate(map(transfer.ranked, measured.values())):  # new names of the recordings sort by the number
+        names = {column: np.char.add(f"{number:05d} ", getattr(samples, column)) for column in ("recording", "source")}
+        renamed.append(replace(samples, **names))
     split = label_free(transfer.ranked(simulated), join(*renamed))
     hits = correct(transfer.predict(config, split), split.test.per_recording().label).mean(axis=0)
     return dict(zip(measured, np.split(hits, len(renamed)), strict=True))
-
-
-def _renamed(samples: Samples, number: int) -> Samples:
-    """Return the sample rows with new recording names that sort by `number`."""
-    names = {column: np.char.add(f"{number:05d} ", getattr(samples, column)) for column in ("recording", "source")}
-    return replace(samples, **names)

@@ -11,12 +11,12 @@ brightness, because the gain of a user's radar is unknown.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.campaign.cases import MEASURED
 from experiments.campaign.frame import Frame
@@ -59,7 +59,8 @@ def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
     panel = join(trained[0].embedded(split.simulated.per_recording()), trained[0].embedded(split.test))
     for attribute, classes in (("geometry", GEOMETRY), ("material", MATERIAL)):
         for left_out, groups in (("recording", split.test.source), ("object", split.test.label)):
-            scored = _several_objects(split.test, classes) if left_out == "object" else np.ones(len(split.test), bool)
+            objects = Counter(classes[label] for label in split.test.classes)  # an object is left out if its class has another one
+            scored = np.array([left_out == "recording" or objects[classes[label]] > 1 for label in split.test.label])
             truth = split.test.take(scored).relabelled(classes)
             if len(truth.classes) < 2:
                 continue
@@ -82,12 +83,6 @@ def _split(config: Config, simulated: Samples, measured: Samples) -> Split:
         return label_free(simulated, measured)
     known, rest = draw_shots(measured, config.supervision.shots, config.seed)
     return Split("few_shot", join(simulated, known), rest, config.supervision.shots)
-
-
-def _several_objects(recordings: Samples, classes: dict[str, str]) -> NDArray[np.bool_]:
-    """Return a boolean mask (N,) of the recordings whose class contains at least two objects, so that one object can be left out."""
-    objects = {kind: {label for label in recordings.classes if classes[label] == kind} for kind in set(classes.values())}
-    return np.array([len(objects[classes[label]]) > 1 for label in recordings.label])
 
 
 def export(config: Config, frame: Frame, copied: Copied) -> Recogniser:

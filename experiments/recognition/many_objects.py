@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -119,15 +118,11 @@ def score(config: Config, frame: Frame, copies: Copies) -> Result:
     accuracies = [row for row in rows if row["metric"] == "accuracy" and not row.get("attribute")]
     curve = grouped(accuracies, "method", "labels per class")
     metrics = {
-        f"gain_over_{second.partition(' (')[0].replace(' ', '_')}": _value(rows, f"{first} - {second}")
-        for first, second in PAIRS
-        if first == PRETRAINED
+        f"gain_over_{row['method'].partition(' - ')[2].partition(' (')[0].replace(' ', '_')}": row["value"]
+        for row in rows
+        if row["labels per class"] == "1, 2 and 4" and row["method"].startswith(PRETRAINED)
     }
     return Result(TABLE.name, rows, {TABLE.name: lambda: label_curve(curve, 1 / len(of_first_draw.classes))}, metrics, keys(frame))
-
-
-def _value(rows: Sequence[Mapping[str, Any]], method: str) -> float:
-    return next(row["value"] for row in rows if row.get("method") == method and row["labels per class"] == "1, 2 and 4")
 
 
 def another_of_its_kind(objects: Sequence[str]) -> dict[str, str]:

@@ -93,12 +93,8 @@ def compared(measured: Clouds, simulated: Clouds) -> dict[str, float]:
         values[CHAMFER].append(cloud.chamfer_m(points, twin_points))
         values[COUNTS[MEASURED]].append(float(len(points)))
         values[COUNTS[TWIN]].append(float(len(twin_points)))
-    return {metric: _mean(of_frames) for metric, of_frames in values.items()}
-
-
-def _mean(values: list[float]) -> float:
-    finite = np.array(values)[np.isfinite(values)]
-    return float(finite.mean()) if len(finite) else float("nan")
+    finite = {metric: np.array(of_frames)[np.isfinite(of_frames)] for metric, of_frames in values.items()}
+    return {metric: float(of_frames.mean()) if len(of_frames) else float("nan") for metric, of_frames in finite.items()}
 
 
 def _figure(frame: Frame) -> Figure:

@@ -45,7 +45,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     rows: list[dict[str, Any]] = []
     parts = [(sweep, method) for sweep in SWEEPS for method in METHODS]
     with progress.task("sweeps by method", len(parts)) as done:
-        errors = iter(workers.each(_errors, parts, config.jobs, done))
+        errors = iter(workers.each(errors_of, parts, config.jobs, done))
     for sweep in SWEEPS:
         rows += sweep_rows(sweep, [(method, next(errors)) for method in METHODS])
     broken = sum(math.isnan(float(error_db)) for row in rows for error_db in row["errors_db"].split())
@@ -56,17 +56,15 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     return Result(TABLE.name, rows, {TABLE.name: lambda: map_of(rows)}, metrics)
 
 
-def _errors(sweep: Sweep, method: Method) -> list[float]:
-    """Return the errors of a simulation method in dB at all values of one sweep."""
-    return [error(sweep, method, value) for value in sweep.values]
-
-
-def error(sweep: Sweep, method: Method, value: float) -> float:
-    """Return the error of a simulation method in dB at one value of a sweep; NaN if a sample of the method is not finite."""
-    try:
-        return sweep.error_db(method, value)
-    except FloatingPointError:
-        return math.nan
+def errors_of(sweep: Sweep, method: Method) -> list[float]:
+    """Return the errors of a method in dB at all values of a sweep; NaN where a sample of the method is not finite."""
+    errors = []
+    for value in sweep.values:
+        try:
+            errors.append(sweep.error_db(method, value))
+        except FloatingPointError:
+            errors.append(math.nan)
+    return errors
 
 
 def safe(errors_db: Sequence[float]) -> int:

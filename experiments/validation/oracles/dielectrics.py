@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache, partial
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -56,15 +56,12 @@ def _slabs(full: bool) -> Finding:
     """Compare the echo of a 10 cm plate, seen face-on, with transfer matrices at one to five frequencies of the sweep."""
     pairs = []
     for frequency in np.linspace(*SWEEP_HZ, 5) if full else (77e9,):
+        metal = stack.fresnel(stack.permittivity("metal", frequency), 1.0)[0]
         for layers, backing in SLABS.values():
-            exact = 20 * np.log10(abs(stack.stack(layers, backing, 0.0, frequency)[0] / stack.fresnel(_metal(frequency), 1.0)[0]))
+            exact = 20 * np.log10(abs(stack.stack(layers, backing, 0.0, frequency)[0] / metal))
             simulated = _over_metal(objects.plate(0.1, 0.1), Layered(layers, backing), frequency=float(frequency))
             pairs.append((float(exact), simulated))
     return worst(pairs)
-
-
-def _metal(frequency_hz: float) -> complex:
-    return stack.permittivity("metal", frequency_hz)
 
 
 def _oblique(full: bool) -> Finding:
@@ -125,11 +122,6 @@ def our_bottle(wall: str, contents: str) -> float:
     return _mean_over_metal(objects.cylinder(RADIUS_M, HEIGHT_M), Layered([(material, thickness)], contents), 5.0)
 
 
-def _bottles(contents: str, full: bool) -> Finding:
-    walls = list(WALLS_M) if full else ["pet 1", "hdpe 1"]
-    return worst([(exact_bottle(wall, contents, 65), our_bottle(wall, contents)) for wall in walls])
-
-
 def _bottle_series_table(full: bool) -> Finding:
     """Compare water-filled bottles, relative to the metal can, with the table, from which our exact series differs by 0.01 dB."""
     rows = {row["case"]: float(row["total_rel_PEC"]) for row in reference_rows("layered_cylinder_exact.csv")}
@@ -176,7 +168,9 @@ CASES = [
     Case("bottle-wall-table", "dielectrics", "bottle walls before air and water", "reference/bottle_wall_reflection_77GHz.csv", OVER_METAL,
          0.15, "dB", _bottle_table),
     *(Case(f"bottles-{contents}", "dielectrics", f"bottles of PET, HDPE and glass, {words}", SERIES, OVER_METAL, limit, "dB",
-           partial(_bottles, contents))
+           lambda full, contents=contents: worst([
+               (exact_bottle(wall, contents, 65), our_bottle(wall, contents)) for wall in (WALLS_M if full else ("pet 1", "hdpe 1"))
+           ]))
       for contents, words, limit in (("water", "water", 0.15), ("oil", "oil", 0.15), ("air", "empty", EMPTY_LIMIT_DB))),
     Case("bottle-series-table", "dielectrics", "bottles of PET and glass, water", "reference/layered_cylinder_exact.csv", OVER_METAL,
          0.15, "dB", _bottle_series_table),

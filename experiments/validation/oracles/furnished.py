@@ -138,21 +138,17 @@ def _shape(strips: Strips) -> Any:
 
 
 def _allowed(surfaces: dict[str, Strips]) -> bool:
-    """Return whether all distances and all angles between facing faces are large enough."""
+    """Return whether all distances, but for walls that meet at an end, and all angles between facing faces are large enough."""
     shapes = [_shape(strips) for strips in surfaces.values()]
     radar = shapely.Point(0, 0)
     if any(shape.distance(radar) < NEAREST_M or shape.hausdorff_distance(radar) > FARTHEST_M for shape in shapes):
         return False
-    if any(a.distance(b) < CLEARANCE_M and not _joined(a, b) for i, a in enumerate(shapes) for b in shapes[:i]):
+    near = [(a, b) for i, a in enumerate(shapes) for b in shapes[:i] if a.distance(b) < CLEARANCE_M]
+    if not all(a.area == 0 and b.area == 0 and a.touches(b) for a, b in near):
         return False
     parts = [(number, ends) for number, strips in enumerate(surfaces.values()) for ends in strips]
     closed = [shape.area > 0 for shape in shapes]
     return not any(_ringing(a, b) for k, (i, a) in enumerate(parts) for j, b in parts[:k] if not (i == j and closed[i]))
-
-
-def _joined(a: Any, b: Any) -> bool:
-    """Return whether two surfaces meet at a common end, as the two walls of a corner do."""
-    return a.area == 0 and b.area == 0 and a.touches(b)
 
 
 def _ringing(a: np.ndarray, b: np.ndarray) -> bool:

@@ -118,8 +118,7 @@ def panel_errors(method: str, full: bool) -> np.ndarray:
 
 
 def _panels(method: str, full: bool) -> Finding:
-    errors = panel_errors(method, full)
-    return Finding(0.0, float(errors.max()), float(errors.max()), len(errors))
+    return worst([(0.0, float(error)) for error in panel_errors(method, full)])
 
 
 def _two_panels(method: str, full: bool) -> Finding:

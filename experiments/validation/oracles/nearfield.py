@@ -71,7 +71,8 @@ def chain_quadrature(panels: Sequence[ArrayLike], sensor: ArrayLike, wavelength:
             if _area(shapes[number + 1]) < EMPTY_M2:
                 return 0j
         else:
-            pieces = _clip_all(pieces, cone)
+            cut = (_clip(triangle, cone) for triangle in pieces)
+            pieces = [np.array([polygon[0], polygon[i], polygon[i + 1]]) for polygon in cut for i in range(1, len(polygon) - 1)]
         reflect = np.eye(3) - 2 * np.outer(normal, normal)
         mirror, field_map = reflect @ mirror, -reflect @ field_map
     normal, offset = _plane(last)
@@ -146,11 +147,6 @@ def _clip(polygon: np.ndarray, planes: Sequence[tuple[np.ndarray, float]]) -> np
         if len(polygon):  # merge equal corners, because they make edges without a direction
             polygon = polygon[np.linalg.norm(polygon - np.roll(polygon, 1, axis=0), axis=1) > SAME_M]
     return polygon
-
-
-def _clip_all(triangles: Sequence[np.ndarray], planes: Sequence[tuple[np.ndarray, float]]) -> list[np.ndarray]:
-    cut = (_clip(triangle, planes) for triangle in triangles)
-    return [np.array([polygon[0], polygon[i], polygon[i + 1]]) for polygon in cut for i in range(1, len(polygon) - 1)]
 
 
 def _triangles(corners: np.ndarray) -> list[np.ndarray]:

@@ -14,7 +14,7 @@ Fresnel zone, the module follows lines around the path at the edge of the zone.
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -74,7 +74,7 @@ class Room:
             surfaces, points = self._met_along(sensor, line, walls, np.zeros(3))
             if surfaces is None or _hidden(points, self._loose):
                 continue
-            reflections = [self._reflection(surface) for surface in surfaces]
+            reflections = [partial(_reflected, *self._materials[surface], self._frequency_hz) for surface in surfaces]
             amplitude = sum(
                 (
                     share * box.carried([walls[w][0] for w in wall_order], direction, axis, [reflections[w] for w in wall_order])
@@ -149,10 +149,6 @@ class Room:
         inside = np.flatnonzero((b >= -ON_EDGE) & (c >= -ON_EDGE) & (b + c <= 1 + ON_EDGE))
         return int(surface[inside[0]]) if inside.size else None
 
-    def _reflection(self, surface: int) -> box.Reflection:
-        material, roughness = self._materials[surface]
-        return lambda cosine: _reflected(material, roughness, round(cosine, 12), self._frequency_hz)
-
 
 def _hidden(points: np.ndarray, triangles: np.ndarray) -> bool:
     """Return whether a triangle cuts a segment between successive points. Ref: Moeller, Trumbore, J. Graphics Tools 2 (1997) 21."""
@@ -175,8 +171,8 @@ def _hidden(points: np.ndarray, triangles: np.ndarray) -> bool:
 
 
 @lru_cache(maxsize=4096)
-def _reflected(material: str | Layered, roughness_m: float, cosine: float, frequency_hz: float) -> tuple[complex, complex]:
-    layers = layered(material)
+def _reflected(material: str | Layered, roughness_m: float, frequency_hz: float, cosine: float) -> tuple[complex, complex]:
+    layers, cosine = layered(material), round(cosine, 12)
     te, tm = stack.stack(layers.layers, layers.backing, float(np.arccos(cosine)), frequency_hz)
     rough = float(np.exp(-2 * (2 * np.pi * frequency_hz / SPEED_OF_LIGHT * roughness_m * cosine) ** 2))
     return te * rough, tm * rough
