@@ -5,8 +5,6 @@ status is 1 if there is such a row. Rows of engineering tables without the colum
 their own (`validation`, `reality`, `scan`) or compares them with other rows.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import sys

@@ -1,7 +1,5 @@
 """The commands `radartwin tables` and `radartwin report`: run missing experiments, then write their tables, figures and the report."""
 
-from __future__ import annotations
-
 import importlib.util
 import traceback
 from collections import Counter

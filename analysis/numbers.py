@@ -8,8 +8,6 @@ one. Code, links and headings are left out. The command prints each number that 
 number in a table or an interval of the text, because these numbers come from tables only.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import re

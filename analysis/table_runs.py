@@ -5,8 +5,6 @@
 - `tables/stamps.json` holds for each table one SHA-256 hash of the table's files and of everything that the files depend on.
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import json

@@ -5,8 +5,6 @@ The CSV has full precision and every run key. The Markdown, LaTeX and HTML files
 The HTML table begins with what a reader needs: claim, verdict, value with interval, the paper's figure, and why the verdict follows.
 """
 
-from __future__ import annotations
-
 import csv
 import html
 import io

@@ -8,8 +8,6 @@ An estimate is made by one of the functions below from the VALUES of its units, 
 each selected recording, `per` one unit for each object, and an array is used as it is.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Parts of figures that several tables share: colours of measurement and simulation, range maps, error bars, legends, labels."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 

@@ -5,8 +5,6 @@ profile.campaign.draws (turntable and rail) and profile.campaign.rover_draws (dr
 the same for all draws.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 

@@ -1,7 +1,5 @@
 """Make the functions of a table's module that the runner calls, from what the table declares: recordings, cells, figures and metrics."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any

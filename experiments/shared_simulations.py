@@ -5,8 +5,6 @@ reads and the store lacks. `calls(config)` returns further simulations as tuples
 store.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Every random draw uses the seed that the caller gives. All intervals are 95 % co
 interval (`p_value`), so that the interval excludes a value exactly if its p value is below 0.05.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math

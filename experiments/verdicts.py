@@ -1,7 +1,5 @@
 """Build table rows with a claim, the figure of the paper and our result, and judge the claim by the interval of the result."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace

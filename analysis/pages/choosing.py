@@ -6,8 +6,6 @@ radartwin tables --profile paper --only speed_accuracy --only stability --only c
 cp outputs/tables/{speed_accuracy,stability,complexity}.csv docs/results/ && python -m analysis.pages
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path

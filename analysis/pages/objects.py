@@ -1,7 +1,5 @@
 """Draw the meshes of the twelve test objects in a grid. Command: `python -m analysis.pages.objects [FILE]`."""
 
-from __future__ import annotations
-
 import io
 import sys
 from pathlib import Path

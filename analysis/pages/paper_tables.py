@@ -8,8 +8,6 @@ than the value, `here` is a text, and `setting` names a constant (module:NAME) o
 A primary claim has the interval and the verdict of the table `headline`, because these include Holm's correction.
 """
 
-from __future__ import annotations
-
 import functools
 import pkgutil
 import re

@@ -4,8 +4,6 @@
 copies their pictures to docs/figures.
 """
 
-from __future__ import annotations
-
 import contextlib
 import re
 import subprocess

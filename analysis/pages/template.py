@@ -10,8 +10,6 @@ numbers, and an empty value stands for an empty cell or a column that the table 
 interval.
 """
 
-from __future__ import annotations
-
 import functools
 import textwrap
 from collections.abc import Iterable, Mapping

@@ -7,8 +7,6 @@
 - `page/` holds the HTML template, the style sheet and the script.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Collect the content of the report for each table: the table's rows and files, or the reason why the table is absent."""
 
-from __future__ import annotations
-
 import csv
 import re
 from collections import Counter

@@ -1,7 +1,5 @@
 """Write the report page as HTML from the template `page/page.html`, which escapes all text of tables, runs and scenes."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 from collections import Counter

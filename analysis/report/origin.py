@@ -3,8 +3,6 @@
 This module only reads files; it runs no experiment.
 """
 
-from __future__ import annotations
-
 import contextlib
 import re
 import sqlite3

@@ -9,8 +9,6 @@ spectrum are on different sides of the middle, each closer than half of the sepa
 The spheres are at rest, so that their echoes are coherent. For the spheres, the methods have the settings of `radartwin process --angle`.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

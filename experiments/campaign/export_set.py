@@ -5,8 +5,6 @@ measured.folder=SET`, the study uses the exported recording set as its measureme
 same folder exports the missing recordings.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

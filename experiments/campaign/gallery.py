@@ -8,8 +8,6 @@ unambiguous Doppler frequency. The azimuth map of a turntable is a mean over the
 map and the azimuth map show the middle frame of the recording.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial

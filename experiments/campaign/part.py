@@ -6,8 +6,6 @@ this result, so that two jobs never compute the same scan. If a job is killed, t
 the job simulates the others.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from experiments.campaign.campaign import Campaign

@@ -2,8 +2,6 @@
 recorded motion of this row becomes a log.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The interface from which tables read recordings."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, Protocol
 

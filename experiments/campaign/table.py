@@ -8,8 +8,6 @@ domains and motions. Each term of this sum has three parts: the times of set-ups
 reused a cached set-up. The run time of another recording minus the time of its traced states is its set-up time.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Sequence
 from datetime import datetime

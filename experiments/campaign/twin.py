@@ -4,8 +4,6 @@ The room is a simulated phone scan whose surfaces have materials from the config
 simulation exactly as in the log of the recording.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from dataclasses import asdict, replace

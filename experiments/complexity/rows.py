@@ -1,7 +1,5 @@
 """Rows and figure of the table `complexity`: the model chosen for each case, the run time that it saves, and claims about all cases."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ table underestimates the feature errors of drives. For comparison, the features 
 differ by 1.4 standard deviations. docs/sweeps.md shows how to run the same comparison as a parameter sweep.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial

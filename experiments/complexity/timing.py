@@ -6,8 +6,6 @@ compares models) and a recording of half as many frames. The simulation models a
 simulated before the timing, so that all kernels are compiled. Each simulation model is timed with a cache that is empty at the start.
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path

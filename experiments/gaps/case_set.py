@@ -5,8 +5,6 @@ single gap on. A `Reading` holds the features of one recording (target gate of +
 signal, which also shows changes of phase.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 

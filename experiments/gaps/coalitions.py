@@ -9,8 +9,6 @@ coalitions. The gap `contents` does not change an object without liquid (radartw
 recorded only with `contents` on.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 

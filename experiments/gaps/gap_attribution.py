@@ -10,8 +10,6 @@ attribution were written before its first run. The constants LEAST and AT_MOST w
 core-seconds on a busy machine; 28 of these core-seconds set up the scanned laboratory.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

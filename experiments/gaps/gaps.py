@@ -10,8 +10,6 @@ simulated scan contains the room's clutter, but the virtual measurements do not.
 recordings.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial

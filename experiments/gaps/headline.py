@@ -11,8 +11,6 @@ about four hours on two cores. The value and the verdict of a row use profile.ca
 claims are one family: their intervals have the levels of Holm's correction (`at_levels`), those of the strengths have 95 %.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections import Counter

@@ -6,8 +6,6 @@ that the prediction names. The prediction that a brightness "stays" means that t
 metal target, or by 1 dB if echoes of other objects fall into the target gate.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -9,8 +9,6 @@ a file whose hash does not match. It says which claims of a table differ from th
 status is 2 if a file is refused, and 1 if a claim differs.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import datetime

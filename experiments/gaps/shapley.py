@@ -7,8 +7,6 @@ Shares are linear in v, so that one value per recording gives one share per reco
 have no sampling error.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 from math import factorial

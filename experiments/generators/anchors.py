@@ -5,8 +5,6 @@ embeddings. The script needs the optional dependencies `text` of the package (`p
 largest cosine between the embeddings of two objects, for each kind of description.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from radartwin.recognize.text import embed, write_shipped

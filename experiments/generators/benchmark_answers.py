@@ -8,8 +8,6 @@ RadarTwin's tracer. The script takes about two minutes on one core.
 Raise VERSION whenever an answer, a scene or the score changes. Raise the first number of VERSION if old and new scores cannot be compared.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import json

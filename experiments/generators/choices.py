@@ -12,8 +12,6 @@ With 48 recordings, an accuracy of 0.4 has a standard error of 0.07, so the choi
 output file lists the scores and the recordings. The file also contains settings that were chosen without these recordings.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

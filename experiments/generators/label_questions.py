@@ -12,8 +12,6 @@ than the recording one. With the option `--answers`, the script replaces the rec
 format of the command `radartwin label SCENE --import`.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 from collections.abc import Sequence

@@ -9,8 +9,6 @@ limits of this size, simulator=auto would accept a simulation without a room. Th
 a pooled limit for unknown objects. The standard deviation of so few recordings is uncertain by a third, so the limits include a margin.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -4,8 +4,6 @@ simulates no whole recording.
 A check returns two values: the content of the system's cell in the table, and whether this content agrees with the paper's cell.
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable
 from functools import partial

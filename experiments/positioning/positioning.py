@@ -8,8 +8,6 @@ The verdict of a row is "holds" if every checked cell agrees with the paper. The
 The last row of the table counts the systems with all capabilities among the paper's own cells.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

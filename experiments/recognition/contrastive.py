@@ -9,8 +9,6 @@ the chance level is one over the number of classes. Paper: contrastive sim-real 
 brightness, because the gain of a user's radar is unknown.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace

@@ -6,8 +6,6 @@ the random targets, and the feature rows and pictures of the copies. The noise p
 floors of measured recordings, without their class labels.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path

@@ -6,8 +6,6 @@ echoes of the room dominate at angles where the reflector's echo is weak. Paper 
 calibration, metal objects agree with the measurement, dielectric objects stay too dim, and liquid-filled containers are the dimmest.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -13,8 +13,6 @@ number of revolutions of a recording (profile.campaign.turns). The probe "other 
 that it classifies. The other recordings of the same object are at other distances.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -25,20 +23,10 @@ from experiments.campaign.cases import MEASURED
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell
 from experiments.framed import Figures, framed
+from experiments.recognition import protocol
 from experiments.recognition.copies import Copied
 from experiments.recognition.plots import bars, grouped, label_curve, values
-from experiments.recognition.protocol import (
-    ECHOES,
-    LOOKS,
-    RECORDINGS,
-    Scored,
-    anchors,
-    correct,
-    has_other_recordings,
-    scaled,
-    seeds,
-    settings,
-)  # fmt: skip
+from experiments.recognition.protocol import ECHOES, LOOKS, RECORDINGS, correct, seeds
 from experiments.recognition.readings import TURNTABLE, revolutions
 from experiments.verdicts import NONE, Claim, Row
 from radartwin import plugins
@@ -87,10 +75,10 @@ def identity() -> dict[str, Any]:
 
 def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
     """Declare the cells of one draw."""
-    measured: dict[Reads, Samples] = {"features": scaled(revolutions(frame)), "pictures": revolutions(frame, "pictures")}
-    copies: dict[Reads, Samples] = {"features": scaled(copied(config, frame)), "pictures": copied(config, frame, "pictures")}
+    measured: dict[Reads, Samples] = {"features": protocol.scaled(revolutions(frame)), "pictures": revolutions(frame, "pictures")}
+    copies: dict[Reads, Samples] = {"features": protocol.scaled(copied(config, frame)), "pictures": copied(config, frame, "pictures")}
     truth = measured["features"]
-    scored = Scored(config, truth, frame, uniform_chance(truth))
+    scored = protocol.Scored(config, truth, frame, uniform_chance(truth))
     embedded = {}
     for method, (kind, _) in methods().items():
         fitted, rows = fit_method(config, method, copies, measured), measured[learner(kind).reads]
@@ -103,7 +91,7 @@ def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
         case = {"supervision": "few_shot", "labels per class": shots}
         hits = few_shot_hits(config, embedded, truth, shots, int(frame.draw[frame.domain == MEASURED].iloc[0]), copies["features"])
         yield from scored.compared(case, hits, dict.fromkeys([(JOINT, RAW), (JOINT, SCRATCH)], Claim("simulation helps at equal labels")))
-    if has_other_recordings(truth):  # the table labelled_probe has the accuracies of NETWORK and RAW, and their difference
+    if protocol.has_other_recordings(truth):  # the table labelled_probe has the accuracies of NETWORK and RAW, and their difference
         hits = {
             method: correct([leave_one_out_centroid(space, space.source) for space in spaces], truth.label)
             for method, spaces in embedded.items()
@@ -117,9 +105,9 @@ def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
 def fit_method(config: Config, method: str, copies: Mapping[Reads, Samples], measured: Mapping[Reads, Samples]) -> list[Fitted]:
     """Train the learner of a method on scaled rows of copies, once for each seed; boosted trees use no random numbers."""
     kind, text = methods()[method]
-    method_learner = learner(kind)
-    split, texts = label_free(copies[method_learner.reads], measured[method_learner.reads]), anchors(measured["features"].classes, text)
-    return [method_learner.fit(split, texts, settings(config), seed) for seed in (seeds(config)[:1] if kind == "trees" else seeds(config))]
+    fitted, texts = learner(kind), protocol.anchors(measured["features"].classes, text)
+    split, numbers = label_free(copies[fitted.reads], measured[fitted.reads]), seeds(config)
+    return [fitted.fit(split, texts, protocol.settings(config), seed) for seed in (numbers[:1] if kind == "trees" else numbers)]
 
 
 def fit_with_labels(
@@ -133,7 +121,7 @@ def fit_with_labels(
     if simulated is not None:
         times = max(1, round(share / (1 - share) * len(simulated) / len(known)))
         train = join(simulated, known.take(np.repeat(np.arange(len(known)), times)))
-    return LEARNERS["network"].fit(Split("few_shot", train, rest, shots), anchors(known.classes), settings(config), seed)
+    return LEARNERS["network"].fit(Split("few_shot", train, rest, shots), protocol.anchors(known.classes), protocol.settings(config), seed)
 
 
 def few_shot_hits(

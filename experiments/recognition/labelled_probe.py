@@ -13,8 +13,6 @@ rows with the layout "as in the paper" use recordings with these numbers, from o
 rows, every object is recorded at every distance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -29,22 +27,10 @@ from experiments.campaign.source import RecordingSource
 from experiments.cells import Cell
 from experiments.draws import Part, Query, numbers
 from experiments.framed import Figures, framed
-from experiments.recognition import copies
+from experiments.recognition import copies, protocol
 from experiments.recognition.copies import Copied
 from experiments.recognition.plots import bars, confusions, grouped, values
-from experiments.recognition.protocol import (
-    RECORDINGS,
-    Scored,
-    anchors,
-    correct,
-    count_sources,
-    encoders,
-    has_other_recordings,
-    scaled,
-    seeds,
-    settings,
-    statistics_columns,
-)  # fmt: skip
+from experiments.recognition.protocol import RECORDINGS, Scored, correct, encoders, scaled
 from experiments.recognition.readings import MOTION, by_side, revolutions
 from experiments.statistics import share
 from experiments.verdicts import Claim, Row
@@ -109,7 +95,7 @@ def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
     measured, sides = scaled(revolutions(usual)), by_side(usual)
     simulated = {method: scaled(copied(config, side)) for method, side in sides.items()}
     trained = {method: encoders(config, label_free(rows, measured)) for method, rows in simulated.items()}
-    probes = [probe for probe in PROBES if probe != RECORDINGS or has_other_recordings(measured)]
+    probes = [probe for probe in PROBES if probe != RECORDINGS or protocol.has_other_recordings(measured)]
     yield from _probed(config, usual, measured, trained, dict.fromkeys(probes, uniform_chance(measured)))
     yield from _controls(config, sides[PRETRAINED], measured, simulated[PRETRAINED])
     layout = frame[(frame.side == LAYOUT) | (frame.domain != MEASURED)]
@@ -160,9 +146,9 @@ def _predict(samples: Samples, probe: str) -> NDArray[np.str_]:
 def _controls(config: Config, of: Frame, measured: Samples, simulated: Samples) -> Iterator[Cell]:
     """Declare the controls with shuffled classes and shuffled domains (both expected at chance), and a linear classifier of the domains."""
     both = as_domains(join(simulated.per_recording(), measured))
-    texts, encoder_settings = anchors(measured.classes), settings(config)
+    texts, encoder_settings = protocol.anchors(measured.classes), protocol.settings(config)
     predictions, shuffled_domains, domains = [], [], []
-    for seed in seeds(config):
+    for seed in protocol.seeds(config):
         encoder = fit(label_free(shuffled(simulated, seed), measured), texts, encoder_settings, seed).encoder
         predictions.append(nearest_text(encoder, measured.unlabelled(), texts, encoder_settings.temperature))
         shuffled_domains.append(_domain_accuracy(shuffled(both, seed), seed))
@@ -172,8 +158,10 @@ def _controls(config: Config, of: Frame, measured: Samples, simulated: Samples) 
     yield Scored(config, measured, of, uniform_chance(measured)).control(case, shares)
     case = CASE | {"probe": "control", "method": "domains shuffled, linear probe"}
     yield Scored(config, both, of, 0.5).control(case, np.array(shuffled_domains), "balanced accuracy")
-    case = CASE | {"probe": "linear probe", "method": "simulated or measured"} | statistics_columns(len(both), 0.5, np.array(domains))
-    sources = count_sources(both)
+    case = (
+        CASE | {"probe": "linear probe", "method": "simulated or measured"} | protocol.statistics_columns(len(both), 0.5, np.array(domains))
+    )
+    sources = protocol.count_sources(both)
     estimate = share(float(np.sum(domains)) / len(domains) * (sources // 2), sources // 2)
     yield Cell(case, "balanced accuracy", of, estimate, count=sources)
 

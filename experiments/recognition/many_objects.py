@@ -10,8 +10,6 @@ the first draw, so that all draws share them.
 The objects are a sample of everyday objects, so tests exchange the methods, or the classes, of whole objects.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -27,20 +25,11 @@ from experiments.campaign.frame import Frame, by_revolution, features
 from experiments.campaign.schedule import RecordingTask
 from experiments.cells import Cell, Estimator, first_draw, keys, mean, per, table_rows
 from experiments.framed import with_copies
-from experiments.recognition import labelled_probe
+from experiments.recognition import labelled_probe, protocol
 from experiments.recognition.encoder_comparison import few_shot_hits
 from experiments.recognition.labelled_probe import PRETRAINED, RAW, RIVAL
 from experiments.recognition.plots import grouped, label_curve
-from experiments.recognition.protocol import (
-    GEOMETRY,
-    LEAST_GAIN,
-    MATERIAL,
-    SAME_MODELS,
-    at_chance,
-    encoders,
-    permuted_accuracy,
-    scaled,
-)  # fmt: skip
+from experiments.recognition.protocol import GEOMETRY, LEAST_GAIN, MATERIAL, SAME_MODELS, scaled
 from experiments.recognition.readings import by_side, recording_name
 from experiments.recognition.transfer import ranked
 from experiments.statistics import SHARE, SIGNED, Estimate
@@ -111,8 +100,8 @@ def score(config: Config, frame: Frame, copies: Copies) -> Result:
     measured = by_revolution(frame[frame.domain == MEASURED])
     copies = {**copies, OTHER: copies[PRETRAINED].relabelled(another_of_its_kind(copies[PRETRAINED].classes))}
     of_first_draw = samples(measured[measured.draw == measured.draw.iloc[0]])
-    trained = {method: encoders(config, label_free(rows, of_first_draw)) for method, rows in copies.items()}
-    on_ranks = encoders(config, label_free(ranked(copies[PRETRAINED]), ranked(of_first_draw)))
+    trained = {method: protocol.encoders(config, label_free(rows, of_first_draw)) for method, rows in copies.items()}
+    on_ranks = protocol.encoders(config, label_free(ranked(copies[PRETRAINED]), ranked(of_first_draw)))
     answers = pd.concat([_answered(config, rows, copies, trained, on_ranks) for _, rows in measured.groupby("draw")], ignore_index=True)
     rows = table_rows(config, answers, partial(cells, config))
     accuracies = [row for row in rows if row["metric"] == "accuracy" and not row.get("attribute")]
@@ -170,7 +159,7 @@ def _answered(
 def cells(config: Config, frame: Frame) -> Iterator[Cell]:
     """Declare the accuracy of each method, its gains and the saved labels, and the accuracy of the attributes without labels."""
     chance = 1 / frame.object.nunique()
-    stays = at_chance("identity stays at chance", "does not transfer", chance)
+    stays = protocol.at_chance("identity stays at chance", "does not transfer", chance)
     identity = {PRETRAINED: replace(stays, untestable=SAME_MODELS), OTHER: stays}
     for shots in SHOTS:
         at = {"labels per class": shots, "chance": chance}
@@ -186,7 +175,7 @@ def cells(config: Config, frame: Frame) -> Iterator[Cell]:
     measured = samples(frame[[column for column in frame if not str(column).startswith((RAW, PRETRAINED, RIVAL, OTHER))]])
     for attribute, (classes, paper) in ATTRIBUTES.items():
         truth = measured.relabelled(classes)
-        estimate = permuted_accuracy(list(np.stack(list(frame[attribute])).T), truth, config.seed)
+        estimate = protocol.permuted_accuracy(list(np.stack(list(frame[attribute])).T), truth, config.seed)
         majority = majority_share(truth)
         claim = Claim(f"{attribute} transfers: above the majority", paper, bound=majority, null=float(np.mean(estimate.shuffled)))  # type: ignore[arg-type]
         yield Cell(

@@ -4,8 +4,6 @@ The share of wrong material labels grows from none (true materials) to all (mate
 source for comparison. Objects are recognised by the method of experiments/recognition/reconstruction_ablation.py.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial

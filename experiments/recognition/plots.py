@@ -1,7 +1,5 @@
 """Figures of the recognition tables: bars, confusion matrices, maps of embeddings, accuracy against the number of labelled recordings."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence

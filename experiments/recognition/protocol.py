@@ -9,21 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments import statistics
 from experiments.campaign.cases import MEASURED
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell
-from experiments.statistics import (
-    BINOMIAL,
-    SHARE,
-    SIGNED,
-    Estimate,
-    clustered,
-    orders,
-    permuted,
-    share,
-    sign_flipped,
-    students_t,
-)  # fmt: skip
 from experiments.verdicts import EQUAL, NONE, Claim
 from radartwin.config.config import Config
 from radartwin.recognize.encoder import Encoder, Settings, nearest_text
@@ -148,9 +137,9 @@ class Scored:
             null = float(estimate.shuffled.mean())  # type: ignore[union-attr]
         else:
             classes, seeds = truth.label if balanced else None, (self.config.profile.resamples, self.config.seed)
-            estimate = replace(clustered(hits, truth.object, *seeds, classes, SHARE), closed=is_closed(truth))
+            estimate = replace(statistics.clustered(hits, truth.object, *seeds, classes, statistics.SHARE), closed=is_closed(truth))
             if estimate.low == estimate.high:  # all resamples are equal, for example if all predictions are correct
-                estimate = replace(share(estimate.value * estimate.n, estimate.n), closed=estimate.closed)
+                estimate = replace(statistics.share(estimate.value * estimate.n, estimate.n), closed=estimate.closed)
         if balanced and any(np.unique(truth.object[truth.label == label]).size < 2 for label in truth.classes):
             claim = replace(claim, untestable=ONE_OBJECT)
         if claim.bound is None and claim.null is None:
@@ -163,7 +152,7 @@ class Scored:
         (first_hits, truth), (second_hits, _) = (self._classified(hits) for hits in (first, second))
         differences = np.nanmean(first_hits, axis=0) - np.nanmean(second_hits, axis=0)
         _, item = np.unique(truth.object, return_inverse=True)
-        estimate = sign_flipped(np.bincount(item, differences) / np.bincount(item), self.config.seed, SIGNED)
+        estimate = statistics.sign_flipped(np.bincount(item, differences) / np.bincount(item), self.config.seed, statistics.SIGNED)
         case = {**case, **statistics_columns(len(truth), 0.0)}
         claim = replace(claim, bound=LEAST_GAIN, null=0.0)
         return Cell(case, "gain in accuracy", self.of, replace(estimate, closed=is_closed(truth)), claim, count_sources(truth))
@@ -198,7 +187,7 @@ class Scored:
         classify all of them.
         """
         case, claim = {**case, **statistics_columns(len(self.truth), self.chance, shares)}, at_chance("at chance", "", self.chance)
-        return Cell(case, metric, self.of, students_t(shares, SHARE, "shuffles"), claim, count_sources(self.truth))
+        return Cell(case, metric, self.of, statistics.students_t(shares, statistics.SHARE, "shuffles"), claim, count_sources(self.truth))
 
     def _classified(self, hits: NDArray) -> tuple[NDArray[np.float64], Samples]:
         """Return the columns of `hits` that a seed classifies, and their rows."""
@@ -237,12 +226,12 @@ def is_closed(recordings: Samples) -> bool:
     return np.unique(recordings.label).size == np.unique(recordings.object).size
 
 
-def permuted_accuracy(answers: Sequence[NDArray], recordings: Samples, seed: int, balanced: bool = False) -> Estimate:
+def permuted_accuracy(answers: Sequence[NDArray], recordings: Samples, seed: int, balanced: bool = False) -> statistics.Estimate:
     """Return the accuracy, with the test that permutes the classes of the objects and keeps the answers on each object."""
     objects, item = np.unique(recordings.object, return_inverse=True)
     kinds, truth = np.unique(recordings.label, return_inverse=True)
     counts = np.array([[np.sum(np.stack(answers)[:, item == number] == kind) for kind in kinds] for number in range(len(objects))], float)
-    total, order = np.bincount(item) * float(len(answers)), orders(len(objects), seed)
+    total, order = np.bincount(item) * float(len(answers)), statistics.orders(len(objects), seed)
     classes = truth[[np.flatnonzero(item == number)[0] for number in range(len(objects))]][order]  # (permutations, objects)
     right = counts[np.arange(len(objects)), classes]
     if balanced:
@@ -250,9 +239,9 @@ def permuted_accuracy(answers: Sequence[NDArray], recordings: Samples, seed: int
         shuffled = np.mean([(right * mask).sum(axis=1) / (total * mask).sum(axis=1) for mask in of_kind], axis=0)
     else:
         shuffled = right.sum(axis=1) / total.sum()
-    return permuted(float(shuffled[0]), shuffled, len(objects), SHARE)
+    return statistics.permuted(float(shuffled[0]), shuffled, len(objects), statistics.SHARE)
 
 
-def sign_test(wins: int, losses: int) -> Estimate:
+def sign_test(wins: int, losses: int) -> statistics.Estimate:
     """Return the share of wins with its exact binomial interval. Without wins and losses, the share is 0.5 and unknown."""
-    return share(wins, wins + losses) if wins + losses else Estimate(0.5, 0.0, 1.0, 0, test=BINOMIAL)
+    return statistics.share(wins, wins + losses) if wins + losses else statistics.Estimate(0.5, 0.0, 1.0, 0, test=statistics.BINOMIAL)

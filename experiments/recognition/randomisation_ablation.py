@@ -6,8 +6,6 @@ trained on copies in which all quantities are random, only the noise is random (
 revolutions are classified without labels by the nearest text, and with labels by the nearest class centroid of other recordings.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import fields, replace
 

@@ -1,7 +1,5 @@
 """Feature rows of a frame's recordings: a row for each revolution, picture of a revolution, frame of a drive, or range-time signature."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import Any
 

@@ -10,8 +10,6 @@ Paper (reconstruction ablation, squash court), for labelled materials, uniform m
 labelled materials, and 6 only with the uniform material; p 0.001.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 

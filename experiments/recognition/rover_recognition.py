@@ -6,8 +6,6 @@ or the share of the largest class in rows where the paper uses this share. Mater
 materials is judged by balanced accuracy. As a control, a random forest is trained on simulated recordings with shuffled class labels.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 

@@ -9,8 +9,6 @@ simulation at a time:
   mirror reflections, and gives each surface patch a single phase.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any

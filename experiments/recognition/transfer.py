@@ -7,8 +7,6 @@ label-free). The "raw" baseline method chooses the object whose simulated range-
 drives of a split are those of one room, motion and simulation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

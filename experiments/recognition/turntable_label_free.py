@@ -6,8 +6,6 @@ class has a share of 0.58. In the paper, the accuracy for material is 0.72, and 
 paper, the object itself is not recognised.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -15,19 +13,10 @@ from experiments.campaign.frame import Frame
 from experiments.cells import Cell
 from experiments.draws import Query
 from experiments.framed import framed
+from experiments.recognition import protocol
 from experiments.recognition.copies import Copied
 from experiments.recognition.plots import accuracy_figures, grouped, values
-from experiments.recognition.protocol import (
-    GEOMETRY,
-    MATERIAL,
-    SAME_MODELS,
-    Scored,
-    anchors,
-    at_chance,
-    correct,
-    encoders,
-    settings,
-)  # fmt: skip
+from experiments.recognition.protocol import GEOMETRY, MATERIAL, Scored, correct, settings
 from experiments.recognition.readings import MOTION, revolutions
 from experiments.recognition.transfer import ranked
 from experiments.verdicts import NONE, Claim
@@ -58,7 +47,7 @@ def query(config: Config) -> Query:
 def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
     """Declare the cells of one draw."""
     split = label_free(ranked(copied(config, frame)), ranked(revolutions(frame)))
-    trained = encoders(config, split)
+    trained = protocol.encoders(config, split)
     for attribute, classes in (("geometry", GEOMETRY), ("material", MATERIAL)):
         embedded = [[encoder.embedded(rows.relabelled(classes)) for rows in (split.train, split.test)] for encoder in trained]
         plain = label_free(split.train.relabelled(classes), split.test.relabelled(classes))
@@ -68,11 +57,11 @@ def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
             answers = [transferred_probe(method_split) for method_split in splits]
             case = {"supervision": "label_free", "attribute": attribute, "method": method}
             yield scored.accuracy(case, correct(answers, plain.test.label), claimed, answers=answers)
-    texts, temperature = anchors(split.test.classes), settings(config).temperature
+    texts, temperature = protocol.anchors(split.test.classes), settings(config).temperature
     names = [nearest_text(encoder, split.unlabelled, texts, temperature) for encoder in trained]
     panel, chance = ("nearest description", split.test.label, names[0]), uniform_chance(split.test)
     case = {"supervision": "label_free", "attribute": "identity", "method": ENCODER}
-    claim = replace(at_chance("identity stays at chance", "does not transfer", chance), untestable=SAME_MODELS)
+    claim = replace(protocol.at_chance("identity stays at chance", "does not transfer", chance), untestable=protocol.SAME_MODELS)
     yield Scored(config, split.test, frame, chance).accuracy(case, correct(names, split.test.label), claim, panel=panel)
 
 

@@ -13,8 +13,6 @@ unlabelled measured batch (radartwin.recognize.adaptation and alignment):
 In the balanced batch, all classes are equally frequent. In the skewed batch, a third of the classes has a single recording.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Figures of the rover tables: range-time maps, rank correlations by feature family, agreement along object, distance and room."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED

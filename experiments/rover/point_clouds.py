@@ -6,8 +6,6 @@ leaves the range profile at one end enters it again at the other end. The contro
 detections, and removes the agreement in range.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from typing import Any

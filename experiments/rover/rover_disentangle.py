@@ -11,8 +11,6 @@ the disagreement is divided among the main effects of object, distance and room,
 distance and environment: pooled correlation about 0.8, matched correlation about 0.5; the environment factor dominates.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any

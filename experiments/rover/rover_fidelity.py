@@ -7,8 +7,6 @@ other, and places with the same objects depend on each other. The p values of bo
 the paper reports binomial p values, which are too small. Paper: signal fidelity along trajectories.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations

@@ -1,7 +1,5 @@
 """Compute the distance of a reconstructed mesh from the true scene, and the share of the seen true surface that the mesh contains."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -8,8 +8,6 @@ incidence. For example, the label plaster is close to a true paint surface, but 
 table then compares the mean reflection error of each source in decibels with that of uniform plasterboard.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

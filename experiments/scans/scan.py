@@ -8,8 +8,6 @@ did not see does not lower the score. For glass, the limit requires only that ha
 nothing on glass, and the reconstruction completes a pane from its frame only.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from collections.abc import Callable, Sequence

@@ -11,8 +11,6 @@ nearest edge of a true surface. Depth sensors miss glass and mirrors, so these s
 area.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

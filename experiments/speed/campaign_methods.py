@@ -11,8 +11,6 @@ at a time in each worker. The quick profile uses its own recordings. The paper p
 changes LONGER.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Draw the chart of speed against accuracy. The chart uses only the rows of the table `speed_accuracy`."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any

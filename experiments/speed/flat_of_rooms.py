@@ -5,8 +5,6 @@ cabinets of random sizes, tables and shelves. The pieces are shared out among th
 Each room has its own random generator, so that the radar's room has the same furniture in every flat that is large enough.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -4,8 +4,6 @@ Each sweep changes one size and leaves the others at small values. The slope of 
 of size and processor time. A slope of 1 means that the time grows in proportion to the size.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Describe the machine on which run times are measured, and the memory of its processes."""
 
-from __future__ import annotations
-
 import functools
 import importlib.metadata
 import os

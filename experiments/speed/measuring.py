@@ -9,8 +9,6 @@ machine. In addition, the table gives wall-clock seconds. If a GPU traces the ra
 seconds.
 """
 
-from __future__ import annotations
-
 import gc
 import itertools
 import os

@@ -6,8 +6,6 @@ sum over the echoes for each chirp, transmitter and receiver. Only one sum is ti
 because all sums take the same time.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Find the Pareto front of run time and error, and the distance of a method from the front."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -13,8 +13,6 @@ from the top and bottom edges of the surfaces. The walls are 3.2 m high. The box
 signal by 0.02.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial

@@ -6,8 +6,6 @@ the machine and its load, so the timed methods alternate, and the table gives ra
 the campaign's turntable recordings (`campaign_methods`), compares run time with feature error and recognition error.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """Show where simulation methods fail: the error of every method along sweeps of increasing difficulty (experiments/stability/sweeps.py)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -7,8 +7,6 @@ DYNAMIC_DB. A method that returns no signal has this error. Methods without an a
 sphere at 1 m correct.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial

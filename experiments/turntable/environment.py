@@ -6,8 +6,6 @@ room with the configured materials, by default the labelled materials. The third
 the energy arrives from beyond the target. The module `operating_points` searches for conditions in which these figures occur.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial

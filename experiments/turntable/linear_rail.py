@@ -6,8 +6,6 @@ is 0.22 m measured, 0.44 m simulated and 0.42 m expected; the paper gives ambigu
 expected diagonal excursion is that of the logged motion, 0.49 m.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

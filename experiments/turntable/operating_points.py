@@ -16,8 +16,6 @@ angle and person are drawn anew for every recording, so that the ratio does not 
 written before the first score. A point is accepted if the means of all three figures over the recordings are inside the limits.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

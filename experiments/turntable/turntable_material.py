@@ -6,8 +6,6 @@ simulation; the simulation exaggerates this contrast and gives too low a level f
 to the cans, so that a gain difference between measurement and simulation has no effect.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

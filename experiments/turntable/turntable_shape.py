@@ -9,8 +9,6 @@ paper are "disentangled fidelity, shape" and "turntable fidelity". An object cou
 ranges lies in the target gate in at least half of its measured recordings; the paper gives no criterion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

@@ -6,8 +6,6 @@ fidelity, size: the measured echo power shows no consistent trend, because the a
 the whole mesh and may show a trend.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

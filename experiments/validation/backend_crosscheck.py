@@ -14,8 +14,6 @@ RadarTwin traces paths that reflect at small or curved surfaces by ray tubes, so
 within DYNAMIC_DB of the strongest path.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any

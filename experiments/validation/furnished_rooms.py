@@ -7,8 +7,6 @@ milliseconds of a frame of the track, with its search. Two more lines give media
 the largest profile difference.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Iterable

@@ -9,8 +9,6 @@ a verdict. The limits are:
 - scan: the limits of the table `scan` for scans of procedural rooms.
 """
 
-from __future__ import annotations
-
 import csv
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence

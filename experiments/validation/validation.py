@@ -5,8 +5,6 @@ profile=quick, only the validation cases that take seconds run, each with some o
 validation cases run with all of their sizes, seeds and angles.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections import Counter

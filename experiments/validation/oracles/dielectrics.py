@@ -1,7 +1,5 @@
 """Validation cases of walls, bottles and rough surfaces: transfer matrices, exact layered cylinders, Ament's formula, reference tables."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Validation cases of reciprocity, conservation of energy, and the power of diffuse scatter."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

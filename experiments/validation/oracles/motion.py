@@ -2,8 +2,6 @@
 samples.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 import radartwin as rt

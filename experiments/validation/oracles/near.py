@@ -1,7 +1,5 @@
 """Validation cases of targets and panels at close range (quadrature, iterative physical optics), and of the range law at large distance."""
 
-from __future__ import annotations
-
 from functools import cache, partial
 
 import numpy as np

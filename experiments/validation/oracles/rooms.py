@@ -1,7 +1,5 @@
 """Validation cases of empty rectangular rooms with up to four bounces, compared with all 128 image sources."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial

@@ -1,7 +1,5 @@
 """Compare the synthesis of radar samples from propagation paths with the direct sum over paths that defines the signal."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Validation cases of far-field cross-sections: closed forms, Mie series, cylinder series, and iterative optics of trihedrals."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, partial

@@ -1,7 +1,5 @@
 """RadarTwin's values for the comparisons with references: paths and fields of a scene by a chosen tracing method."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
