@@ -158,15 +158,6 @@ class Row(dict[str, Any]):
         )  # fmt: skip
 
 
-def row(config: Config, case: Mapping[str, Any], metric: str, estimate: Estimate, keys: Iterable[str], claim: Claim = NONE) -> Row:
-    """Build one table row from the columns `case`, an estimate, the store keys of the recordings used, and the claim.
-
-    Column n shows the number of recordings if the row has store keys, else the number of items; the verdict always uses the number of
-    items. A value or end of an interval that is not finite becomes None.
-    """
-    return Row(case, metric, estimate, frozenset(keys), claim, config)
-
-
 def told(keys: Iterable[str]) -> str:
     """Format store keys as one table cell: the shortened keys, or for more than SHOWN_KEYS keys their number and hash."""
     unique = sorted(set(keys))
@@ -197,7 +188,7 @@ class RowList(list[Row]):
     def add(
         self, case: Mapping[str, Any], metric: str, estimate: Estimate, keys: Iterable[str], claim: Claim = NONE, count: int | None = None
     ) -> Row:
-        """Append one row to the table and return it. The arguments are those of the function `row`; `count` is the value of column n."""
+        """Append one row to the table and return it. `count` is the value of column n."""
         self.append(Row(case, metric, estimate, frozenset(keys), claim, self.config, count))
         return self[-1]
 

@@ -13,15 +13,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import astuple, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from experiments.campaign import columns
 from experiments.campaign.cases import COMPARED, DOMAINS, Case
-from experiments.campaign.source import RecordingSource
 from radartwin.errors import ConfigError, InputError
 from radartwin.features.envelope import HARMONICS
+from radartwin.features.log import Log
+from radartwin.features.processed import Processed
 from radartwin.io.progress import Progress
 from radartwin.scene.objects.assortment import every_object
 from radartwin.store.products import save_arrays
@@ -36,6 +37,15 @@ KINDS = ("material_class", "shape")  # columns from the catalogue
 PLACE = ("object", "room", "motion", "distance_m")  # a measured and a simulated recording of one place are compared
 VERSIONS = ("twin", "truth", "side")
 Wanted = Sequence[tuple[str, Case]]  # domain, case
+
+
+class RecordingSource(Protocol):
+    """Interface of a campaign (experiments.campaign.campaign). Tests may use a substitute for the campaign with the same interface."""
+
+    def cases(self, domain: str, **conditions: Any) -> Sequence[Case]: ...
+    def prepare(self, wanted: Any) -> None: ...
+    def processed(self, domain: str, case: Case) -> tuple[str, Processed]: ...
+    def log(self, case: Case, domain: str = "measured") -> Log: ...
 
 
 def shared(source: RecordingSource, motions: Sequence[str], room: str | None = None, several: bool = False) -> Wanted:

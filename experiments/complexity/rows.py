@@ -12,7 +12,7 @@ from experiments.campaign.cases import Case
 from experiments.complexity import timing
 from experiments.drawing import Figure
 from experiments.statistics import Estimate, bootstrap, exact
-from experiments.verdicts import BELOW, NONE, Claim, row
+from experiments.verdicts import BELOW, NONE, Claim, Row
 from radartwin.adaptive.choice import Choice
 from radartwin.adaptive.scene_settings import LADDER, Model
 from radartwin.config.config import Config
@@ -117,8 +117,8 @@ def _median(values: Sequence[float], config: Config) -> Estimate:
     return bootstrap(partial(np.median, axis=-1), config.profile.resamples, config.seed, np.array(values))
 
 
-def _row(config: Config, case: Mapping[str, Any], metric: str, estimate: Estimate, claim: Claim = NONE) -> dict[str, Any]:
-    return row(config, case, metric, estimate, [], claim) | {"domain": "this tracer, finest"}
+def _row(config: Config, case: Mapping[str, Any], metric: str, estimate: Estimate, claim: Claim = NONE) -> Row:
+    return Row(case, metric, estimate, frozenset(), claim, config, domain="this tracer, finest")
 
 
 def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:

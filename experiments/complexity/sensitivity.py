@@ -25,7 +25,7 @@ from experiments.rover import rover_disentangle, rover_fidelity
 from experiments.speed.machine import machine
 from experiments.statistics import Estimate
 from experiments.turntable import environment, linear_rail, turntable_material, turntable_shape, turntable_size
-from experiments.verdicts import row
+from experiments.verdicts import RowList
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.config.materials import default_materials
@@ -183,22 +183,22 @@ def table(config: Config, twins: Mapping[str, Twin]) -> list[dict[str, Any]]:
     default = twins[DEFAULT]
     finest = dict(list(twins[FINEST].recordings.groupby("motion")))
     seeds = config.profile.resamples, config.seed
-    rows = []
+    rows = RowList(config)
     for name, twin in twins.items():
         for motion, of_motion in twin.recordings.groupby("motion", sort=False):
             case = {"setting": name, "table": "", "motion": motion, "change": None}
             error = feature_error(*(np.stack(list(recordings.features)) for recordings in (of_motion, finest[motion])))
-            rows.append(row(config, case, ERROR, statistics.mean(error, *seeds), {*of_motion.key, *finest[motion].key}))
+            rows.add(case, ERROR, statistics.mean(error, *seeds), {*of_motion.key, *finest[motion].key})
             plain, others = of_motion[of_motion.setups == 0], of_motion[of_motion.setups > 0]
             if len(plain):
-                rows.append(row(config, case, COST, statistics.mean(1e3 * plain.frame_s, *seeds), plain.key))
+                rows.add(case, COST, statistics.mean(1e3 * plain.frame_s, *seeds), plain.key)
                 if len(others):
                     whole = (others.frame_s - plain.frame_s.mean()) * others.frames / others.setups
-                    rows.append(row(config, case, SETUP, statistics.mean(whole, *seeds), others.key))
+                    rows.add(case, SETUP, statistics.mean(whole, *seeds), others.key)
         for (table_name, metric), (value, keys) in twin.figures.items():
             change = value - default.figures[table_name, metric][0] if (table_name, metric) in default.figures else None
             case = {"setting": name, "table": table_name, "motion": "", "change": change}
-            rows.append(row(config, case, metric, Estimate(value, float("nan"), float("nan"), len(keys)), keys))
+            rows.add(case, metric, Estimate(value, float("nan"), float("nan"), len(keys)), keys)
     return rows
 
 

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from experiments.campaign.campaign import Call, Campaign
 from experiments.campaign.cases import MEASURED, TWIN, Case
-from experiments.campaign.frame import CONDITIONS, Frame, features, shared
-from experiments.campaign.source import RecordingSource
+from experiments.campaign.frame import CONDITIONS, Frame, RecordingSource, features, shared
 from experiments.recognition.readings import FEATURES, MOTION, cells, gathered, recording_name
 from radartwin.builders.radar import build_radar
 from radartwin.builders.simulator import fixed_simulator, simulator_options

@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 
 from experiments.campaign.campaign import Call
 from experiments.campaign.cases import MEASURED, TWIN
-from experiments.campaign.frame import Frame, Wanted
-from experiments.campaign.source import RecordingSource
+from experiments.campaign.frame import Frame, RecordingSource, Wanted
 from experiments.cells import Cell
 from experiments.draws import Part, Query, numbers
 from experiments.framed import Figures, framed

@@ -1,4 +1,4 @@
-"""Draw the chart of speed against accuracy. The chart uses only the rows of the table `speed_accuracy`."""
+"""Draw the chart of speed against accuracy from the rows of the table `speed_accuracy`, and find the Pareto front."""
 
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -11,6 +11,7 @@ from experiments.speed.methods import DEFAULT, FAMILIES, OURS
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 
 Row = Mapping[str, Any]
+Point = tuple[float, float]  # run time and error
 LOOKS = dict(zip(FAMILIES, (("o", PALETTE[0]), ("s", PALETTE[1]), ("^", PALETTE[2]), ("v", PALETTE[3]), ("D", "#595959")), strict=True))
 AXES = {  # label, limits, and the column that marks the Pareto front
     "profile_error_db": ("error of the range profile (dB, rms)", 0.01, 60.0, "front"),
@@ -146,3 +147,24 @@ def _legend(panel: Any, measured: Sequence[Row]) -> None:
         *(textwrap.fill(machine, 44) for machine in dict.fromkeys(row["machine"] for row in measured)),
     ]
     panel.text(0, 0.0, "\n".join(lines), color="0.35", va="bottom", transform=panel.transAxes)
+
+
+def front(points: Sequence[Point]) -> list[bool]:
+    """Return for each point whether it is on the Pareto front.
+
+    A point is on the front if no other point is at least as good (as small) in both coordinates and better in one coordinate.
+
+    >>> front([(1, 3), (2, 2), (2, 3), (3, 1)])
+    [True, True, False, True]
+    """
+    return [not any(other[0] <= point[0] and other[1] <= point[1] and other != point for other in points) for point in points]
+
+
+def shortfall(point: Point, others: Sequence[Point]) -> float:
+    """Return the largest factor by which another point is better in both coordinates: 1 on the Pareto front, 1.1 if another is 10 % better.
+
+    >>> shortfall((2.0, 2.0), [(1.0, 1.9), (4.0, 0.1)])
+    1.0526315789473684
+    """
+    better = [min(point[0] / other[0], point[1] / max(other[1], 1e-12)) for other in others]
+    return float(np.max([1.0, *better]))

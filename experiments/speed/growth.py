@@ -17,7 +17,7 @@ from experiments.drawing import Figure
 from experiments.speed.flat_of_rooms import flat
 from experiments.speed.machine import machine
 from experiments.statistics import Estimate, exact
-from experiments.verdicts import BELOW, NONE, Claim, row
+from experiments.verdicts import BELOW, Claim, RowList
 from radartwin.config.config import Config
 from radartwin.io.progress import Progress
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
@@ -165,14 +165,14 @@ def _measure(sweep: Sweep, steps: Sequence[int], folder: Path) -> None:
 
 def table(config: Config, sweep: Sweep, measured: Sequence[Mapping[str, Any]], key: str) -> list[dict[str, Any]]:
     """Return the rows of a sweep: the processor time of each step, then the slope of each part with its claim."""
-    rows = []
+    rows = RowList(config)
     for part, limit in sweep.limits.items():
         sizes, spent = np.array([step[part] for step in measured], float).T
         case = {"size": sweep.size, "part": part, "machine": "; ".join(machine().values())}
         for size, value in zip(sizes, spent, strict=True):
-            rows.append(row(config, {**case, "at": float(size)}, SECONDS, exact(float(value), 1), [key], NONE))
+            rows.add({**case, "at": float(size)}, SECONDS, exact(float(value), 1), [key])
         claim = Claim(f"the slope is at most {limit:g}", bound=limit, direction=BELOW, limit=True)
-        rows.append(row(config, {**case, "at": None}, SLOPE, slope(sizes, spent), [key], claim))
+        rows.add({**case, "at": None}, SLOPE, slope(sizes, spent), [key], claim)
     return rows
 
 

@@ -17,9 +17,9 @@ import numpy as np
 from experiments import verdicts
 from experiments.campaign.schedule import RecordingTask
 from experiments.speed import campaign_methods, chart, chart_page, measuring
+from experiments.speed.chart import front, shortfall
 from experiments.speed.machine import machine
 from experiments.speed.methods import DEFAULT, OURS, RFGENESIS, of_problem
-from experiments.speed.pareto import front, shortfall
 from experiments.speed.problems import Problem, problems
 from experiments.statistics import Estimate, exact
 from radartwin.config.config import Config

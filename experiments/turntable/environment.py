@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from experiments.campaign.campaign import Campaign, joined, make_together
 from experiments.campaign.cases import MEASURED, TWIN, VOID, Case
-from experiments.campaign.frame import Frame, stored
+from experiments.campaign.frame import Frame, RecordingSource, stored
 from experiments.campaign.schedule import RecordingTask
-from experiments.campaign.source import RecordingSource
 from experiments.cells import Cell, first_draw, keys, mean, table_rows
 from experiments.drawing import Figure, error_bars, range_map
 from experiments.statistics import FISHER, SCALES, SHARE, SIGNED, ms_ssim

@@ -92,12 +92,6 @@ def compare(folder: Path, name: str, samples: np.ndarray) -> Compared:
     return Compared(ranges[kept], *profiles)
 
 
-def score(folder: Path, name: str, samples: np.ndarray) -> tuple[float, float]:
-    """Return the profile error in dB and the complex error of the samples (N,) of the first channel and chirp."""
-    compared = compare(folder, name, samples)
-    return compared.profile_db, compared.error
-
-
 def to_points(frequency_hz: np.ndarray, samples: np.ndarray) -> np.ndarray:
     """Convert samples (F,) at frequencies (F,) from a line source and line receiver to a point source and point receiver."""
     return samples @ _conversion(tuple(frequency_hz))

@@ -65,16 +65,13 @@ def trihedral_rcs(leg_m: float, azimuth_deg: float = 0.0) -> float:
 
 @dataclass(frozen=True)
 class Target:
-    """A canonical target in three sizes. Each size of the target has a mesh, a direction of view and a reference cross-section."""
+    """A canonical target in three sizes in metres."""
 
     name: str
     words: str
     oracle: str
-    sizes: tuple[Callable[[], tuple[trimesh.Trimesh, Sequence[float], float]], ...]
-
-
-def _plate(side_m: float) -> tuple[trimesh.Trimesh, Sequence[float], float]:
-    return objects.plate(side_m, side_m), AHEAD, plate_rcs(side_m)
+    sizes: tuple[tuple[float, ...], ...]
+    make: Callable[..., tuple[trimesh.Trimesh, Sequence[float], float]]  # of a size: mesh, direction of view, cross-section
 
 
 def _sidelobe(side_m: float) -> tuple[trimesh.Trimesh, Sequence[float], float]:
@@ -82,45 +79,21 @@ def _sidelobe(side_m: float) -> tuple[trimesh.Trimesh, Sequence[float], float]:
     return objects.plate(side_m, side_m), (np.cos(angle), np.sin(angle), 0.0), plate_rcs(side_m, angle)
 
 
-def _dihedral(face_m: float) -> tuple[trimesh.Trimesh, Sequence[float], float]:
-    return objects.dihedral(face_m, face_m), AHEAD, 8 * np.pi * face_m**4 / WAVELENGTH_M**2
-
-
-def _trihedral(leg_m: float) -> tuple[trimesh.Trimesh, Sequence[float], float]:
-    return objects.trihedral(leg_m), AHEAD, trihedral_rcs(leg_m)
-
-
-def _sphere(radius_m: float) -> tuple[trimesh.Trimesh, Sequence[float], float]:
-    return objects.sphere(radius_m, 4), (1.0, 0.2, 0.1), mie_rcs(radius_m)
-
-
-def _cylinder(radius_m: float, height_m: float) -> tuple[trimesh.Trimesh, Sequence[float], float]:
-    return objects.cylinder(radius_m, height_m, 64), (1.0, 0.13, 0.0), cylinder_rcs(radius_m, height_m)
-
-
 TARGETS = (
-    Target("plate", "plate 5, 10, 20 cm, main lobe", "4 pi A^2/lambda^2", tuple(partial(_plate, s) for s in (0.05, 0.1, 0.2))),
-    Target(
-        "sidelobe",
-        "plate 5, 10, 20 cm, first sidelobe",
-        "physical-optics sinc^2 cos^2 (Balanis 2012, 11-44)",
-        tuple(partial(_sidelobe, s) for s in (0.05, 0.1, 0.2)),
-    ),
-    Target("dihedral", "square dihedral 5, 10, 15 cm", "8 pi a^2 b^2/lambda^2", tuple(partial(_dihedral, s) for s in (0.05, 0.1, 0.15))),
-    Target(
-        "trihedral",
-        "triangular trihedral, leg 5, 10, 15 cm",
-        "iterative physical optics in the far field",
-        tuple(partial(_trihedral, s) for s in (0.05, 0.1, 0.15)),
-    ),
-    Target("sphere", "sphere r 2, 3.3, 5 cm", "Mie series (miepython)", tuple(partial(_sphere, r) for r in (0.02, 0.033, 0.05))),
-    Target(
-        "cylinder",
-        "cylinder r 2, 3.3, 5 cm, height 8, 12, 20 cm",
-        "exact cylinder series times 2 L^2/lambda",
-        tuple(partial(_cylinder, r, h) for r, h in ((0.02, 0.08), (0.033, 0.12), (0.05, 0.2))),
-    ),
-)
+    Target("plate", "plate 5, 10, 20 cm, main lobe", "4 pi A^2/lambda^2", ((0.05,), (0.1,), (0.2,)),
+           lambda side_m: (objects.plate(side_m, side_m), AHEAD, plate_rcs(side_m))),
+    Target("sidelobe", "plate 5, 10, 20 cm, first sidelobe", "physical-optics sinc^2 cos^2 (Balanis 2012, 11-44)",
+           ((0.05,), (0.1,), (0.2,)), _sidelobe),
+    Target("dihedral", "square dihedral 5, 10, 15 cm", "8 pi a^2 b^2/lambda^2", ((0.05,), (0.1,), (0.15,)),
+           lambda face_m: (objects.dihedral(face_m, face_m), AHEAD, 8 * np.pi * face_m**4 / WAVELENGTH_M**2)),
+    Target("trihedral", "triangular trihedral, leg 5, 10, 15 cm", "iterative physical optics in the far field",
+           ((0.05,), (0.1,), (0.15,)), lambda leg_m: (objects.trihedral(leg_m), AHEAD, trihedral_rcs(leg_m))),
+    Target("sphere", "sphere r 2, 3.3, 5 cm", "Mie series (miepython)", ((0.02,), (0.033,), (0.05,)),
+           lambda radius_m: (objects.sphere(radius_m, 4), (1.0, 0.2, 0.1), mie_rcs(radius_m))),
+    Target("cylinder", "cylinder r 2, 3.3, 5 cm, height 8, 12, 20 cm", "exact cylinder series times 2 L^2/lambda",
+           ((0.02, 0.08), (0.033, 0.12), (0.05, 0.2)),
+           lambda radius_m, height_m: (objects.cylinder(radius_m, height_m, 64), (1.0, 0.13, 0.0), cylinder_rcs(radius_m, height_m))),
+)  # fmt: skip
 
 
 def level(mesh: trimesh.Trimesh, direction: Sequence[float], density: float, seed: int = 0, **options: object) -> float:
@@ -133,7 +106,7 @@ def at_density(target: Target, density: float, full: bool) -> Finding:
     """Compare the ray tracer with the references for three sizes of a target, on the default ray grid and on shifted grids."""
     pairs = []
     for size in target.sizes:
-        mesh, direction, reference = size()
+        mesh, direction, reference = target.make(*size)
         pairs += [(float(db(reference)), level(mesh, direction, density, seed)) for seed in range(9 if full else 3)]
     return worst(pairs)
 
@@ -142,7 +115,7 @@ def drift(target: Target, full: bool) -> Finding:
     """Find the largest change of the level in dB with ray density, relative to the level at 4 rays per square wavelength."""
     pairs = []
     for size in target.sizes if full else target.sizes[:2]:
-        mesh, direction, _ = size()
+        mesh, direction, _ = target.make(*size)
         levels = [level(mesh, direction, density) for density in ((4, 8, 16, 32, 64) if full else (4, 64))]
         pairs += [(levels[0], level_db) for level_db in levels[1:]]
     return worst(pairs)
@@ -152,7 +125,7 @@ def spread(target: Target, full: bool) -> Finding:
     """Find the highest minus the lowest level in dB over ray grids that random seeds shift."""
     pairs = []
     for size in target.sizes if full else target.sizes[1:2]:
-        mesh, direction, _ = size()
+        mesh, direction, _ = target.make(*size)
         levels = [level(mesh, direction, 16, seed) for seed in range(1, 13 if full else 5)]
         pairs.append((min(levels), max(levels)))
     return worst(pairs)
