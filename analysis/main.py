@@ -23,12 +23,10 @@ STUDY_PACKAGES = ("miepython", "plotly")  # packages of the extra `study` in pyp
 
 
 def tables(profile: str, only: list[str] | None, output: Path) -> int:
-    """Compute or read the result of each table, write the table in every format with its figures, then write the report.
+    """Write each table in every format with its figures, unless nothing that it depends on has changed, then write the report.
 
-    A table is skipped if the code, configuration, machine and files of the table are the same as when it was written. If the experiment of
-    a table ends with an error, the remaining tables are still written, the report names the failed table, and the exit status is 1. A user
-    error (such as a wrong setting) stops the command, because the same error would affect every table. Returns the exit status of the
-    command.
+    If an experiment ends with an error, the report names it, and the exit status is 1. A user error stops the command, because the same
+    error would affect every table. Returns the exit status of the command.
     """
     registry.check(only or [])
     if absent := [name for name in STUDY_PACKAGES if importlib.util.find_spec(name) is None]:

@@ -32,10 +32,7 @@ _FIGURE = re.compile(r"[^./\\\x00-\x1f][^/\\\x00-\x1f]*")  # matches the name of
 
 
 def lock(output: Path) -> AbstractContextManager[None]:
-    """Return the file lock that a process must hold while it reads or writes the index, the failures or the report.
-
-    The lock is necessary because another `radartwin tables` process may use the same folder.
-    """
+    """Return the file lock of a process that reads or writes the index, the failures or the report, which other processes may use."""
     return files.lock(output / "tables" / LOCK)
 
 
@@ -82,10 +79,7 @@ def add_report(output: Path) -> None:
 
 
 def unchanged(output: Path, table: str, profile: str) -> bool:
-    """Return whether a table of this profile is up to date.
-
-    A table is up to date if code, configuration, machine, table files and MLflow run are the same as when the table was written.
-    """
+    """Return whether code, configuration, machine, table files and MLflow run are the same as when the table was written."""
     entry = read(output, INDEX).get(table)
     if entry is None or entry["profile"] != profile or table in read(output, FAILURES) or entry["run_key"] not in mlflow_pages(output)[0]:
         return False

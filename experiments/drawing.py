@@ -45,11 +45,9 @@ def legend_above(drawing: Figure, axes: Axes, columns: int) -> None:
 
 
 def place(axes: Any, points: Sequence[tuple[float, float]], texts: Sequence[str], colours: Sequence[Any]) -> None:
-    """Write `texts` beside `points` (data coordinates), each at the best offset of OFFSETS.
+    """Write `texts` beside `points` (data coordinates) at the best of OFFSETS, but none that would cover other things everywhere.
 
-    An empty text writes nothing, and neither does a text that would cover points or earlier texts everywhere.
-
-    Set the axis limits before calling this function, because the function compares text sizes in pixels.
+    Set the axis limits before, because the function compares text sizes in pixels.
     """
     from matplotlib.patheffects import withStroke
 

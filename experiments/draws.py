@@ -23,10 +23,7 @@ OBJECT_GAPS = ("object_shape", "object_material", "contents")  # gaps that chang
 
 @dataclass(frozen=True)
 class Part:
-    """The recordings of one domain in a frame, as one configuration makes them, with their entries in the columns `frame.VERSIONS`.
-
-    `select` chooses the recordings among those of a campaign, if they are not those of the other parts.
-    """
+    """The recordings of one domain as one configuration makes them, with their entries in `frame.VERSIONS`; `select` may choose some."""
 
     domain: str
     config: Config

@@ -17,10 +17,7 @@ from radartwin.store.products import Store
 
 
 def simulate(configs: Sequence[Config], progress: Progress) -> None:
-    """Simulate the recordings, and make the further simulations, that the configured experiments need and the store lacks.
-
-    The number of workers is that of the first configuration; all configurations of one command have the same.
-    """
+    """Make the recordings and further simulations that the experiments need, with the number of workers of the first configuration."""
     missing, calls = [], []
     for config in configs:
         if not run.finished(config):

@@ -66,10 +66,8 @@ class Estimate:
         return max(self.n - 1, 1) if self.freedom is None else self.freedom
 
     def p(self, null: float) -> float:
-        """Return the two-sided p value against the hypothesis that the true value is `null`; NaN if the interval has no width.
-
-        It is that of the permutation test if `null` is the mean of the permuted estimates, where an interval that ends at a limit of the
-        quantity would give a smaller one.
+        """Return the two-sided p value against `null`; NaN if the interval has no width. It is that of the permutation test if `null` is
+        the mean of the permuted estimates, because an interval that ends at a limit of the quantity would give a smaller one.
         """
         if self.shuffled is not None and math.isclose(null, float(self.shuffled.mean()), abs_tol=1e-12):
             return permutation_p(self.value, self.shuffled)
@@ -337,8 +335,7 @@ def correlation(first: NDArray, second: NDArray) -> float:
 def mantel(first: ArrayLike, second: ArrayLike, seed: int) -> Estimate:
     """Mantel test: correlation of two (n, n) distance matrices over the same objects. Ref: N. Mantel, Cancer Research 27 (1967).
 
-    The test permutes the objects of one matrix; the interval is on Fisher's scale (see `permuted`). Raises InputError if the inputs are not
-    distance matrices of the same three or more objects, or if all distances of one matrix are equal.
+    The test permutes the objects of one matrix (see `permuted`). Raises InputError for other matrices, or for equal distances.
     """
     first, second = (np.asarray(matrix, float) for matrix in (first, second))
     count = len(first)
@@ -369,10 +366,8 @@ def share(successes: float, trials: int) -> Estimate:
 def coefficient_of_variation(samples: ArrayLike, resamples: int, seed: int) -> Estimate:
     """Return the sample standard deviation of positive values divided by their mean.
 
-    The interval is that of log-normally distributed values, whose coefficient of variation depends only on the standard deviation of their
-    logarithms. It contains the true value in 93 to 96 % of cases for 3 to 11 such values, and in 83 to 90 % of cases for normally
-    distributed values with a coefficient of variation of 0.3. A bootstrap interval contains the true value in only 47 to 60 % of cases for
-    four values.
+    The interval is that of log-normal values, which contains the true value in 93 to 96 % of cases for 3 to 11 values (normal values: 83
+    to 90 %), where a bootstrap contains it in 47 to 60 % of cases for four values.
     """
     samples = np.asarray(samples, float)
     if len(samples) < 2 or not (samples > 0).all():
@@ -388,16 +383,11 @@ def coefficient_of_variation(samples: ArrayLike, resamples: int, seed: int) -> E
 def over_draws(estimates: Sequence[Estimate], resamples: int, seed: int) -> Estimate:
     """Join the estimates of several draws of the measurement to an estimate of their mean. Draws without items are left out.
 
-    - If the objects are the classes of a closed set, the interval is that of Student's t distribution over draws.
-    - If all draws permute the same objects in the same ways, the permuted estimates are averaged over draws, as the estimates are, so that
-      the test permutes the objects of the pooled answers.
-    - Otherwise the interval is a bootstrap over draws and items together (A. Owen, Annals of Applied Statistics 1 (2007) 386): each sample
-      draws the estimates with replacement, and takes the same bootstrap sample of items from each drawn estimate. For an estimate without
-      bootstrap samples, normally distributed samples with the width of its interval are used. All estimates use the same random numbers for
-      these samples, because the draws may have the same items. The spread of items within each draw also spreads the draws; this part of
-      the spread between draws is taken off, so that it counts once. The sum of both deviations is widened for the degrees of freedom of
-      Welch and Satterthwaite. The attribute n is the smallest number of items of a draw, or the number of draws if every draw has a single
-      item. The samples are clipped to the limits of the quantity.
+    - Objects that are the classes of a closed set: Student's t over draws.
+    - The same permutations in all draws: the permuted estimates are averaged too, so that the test permutes the pooled answers.
+    - Otherwise: a bootstrap over draws and items together (A. Owen, Annals of Applied Statistics 1 (2007) 386), with the same sample of
+      items in each draw. The spread of the items also spreads the draws; this part counts once. The sum of both deviations is widened for
+      the degrees of freedom of Welch and Satterthwaite. n is the smallest number of items, or that of draws if each has a single item.
     """
     estimates = [e for e in estimates if e.n] or estimates[:1]
     draws, first = len(estimates), estimates[0]
@@ -449,9 +439,8 @@ def ssim(first: NDArray, second: NDArray) -> float:
 
 
 def ms_ssim(first: NDArray, second: NDArray) -> float:
-    """Return the multi-scale structural similarity of two maps with values from 0 to 1. Ref: Z. Wang, E. Simoncelli, A. Bovik, Asilomar
-    Conference on Signals, Systems and Computers (2003) 1398. Scales at which a map is smaller than the Gaussian window (11 cells) are
-    left out, and the weights of the others are scaled to a sum of 1.
+    """Return the multi-scale structural similarity of maps with values from 0 to 1, without scales below the window of 11 cells.
+    Ref: Z. Wang, E. Simoncelli, A. Bovik, Asilomar Conference on Signals, Systems and Computers (2003) 1398.
     """
     from scipy.ndimage import gaussian_filter, uniform_filter
 

@@ -56,10 +56,7 @@ def committed(table: str, folder: Path = RESULTS) -> pd.DataFrame:
 
 
 def number(text: str | float) -> str:
-    """Return a number with two decimals, or with fewer if it is large and one significant digit if it is small.
-
-    Whole numbers and words of a table stay as they are.
-    """
+    """Return a number with two decimals, with fewer if it is large, and with one significant digit if it is small. Words stay."""
     if isinstance(text, str):
         try:
             return text if text.isdigit() else number(float(text))

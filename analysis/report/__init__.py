@@ -26,12 +26,8 @@ def path(output: Path) -> Path:
 def write(sections: Sequence[Section], output: Path) -> Path:
     """Write OUTPUT/report from the tables and figures of the output folder, and return the path of its index.html.
 
-    The report folder can be moved elsewhere. Reports of the same tables and figures are equal byte by byte. The page is written after the
-    files that it links to, and files of an earlier report are removed last, so that no link is broken at any time.
-
-    Raises:
-        MissingError: a file of a table is missing or damaged.
-        OutputError: the folder cannot be written.
+    Reports of the same tables and figures are equal byte by byte. The page is written after the files that it links to, and files of an
+    earlier report are removed last. Raises MissingError if a file of a table is missing or damaged, and OutputError.
     """
     root = path(output).parent
     content: dict[str, Path | bytes] = {f"{part}/{file.name}": file for section in sections for part, file in section.files()}

@@ -105,10 +105,7 @@ def _horizontal(sine: np.ndarray) -> np.ndarray:
 
 
 def half_resolved(estimates: list[Estimate], config: Config) -> Estimate:
-    """Return the smallest separation at which the probability of resolution reaches one half, by linear interpolation.
-
-    The interval is a parametric bootstrap over the draws of each separation. The value is NaN if the probability stays below one half.
-    """
+    """Return the separation at which the probability reaches one half (NaN if it does not), with a parametric bootstrap over draws."""
     draws = estimates[0].n
     rng = np.random.default_rng([config.seed, draws])
     drawn = rng.binomial(draws, [estimate.value for estimate in estimates], size=(config.profile.resamples, len(estimates))) / draws

@@ -35,12 +35,10 @@ CLEAN, PROCESSED = "clean", "processed"
 
 
 class Campaign:
-    """List, simulate and read the measured and simulated recordings of one configuration. The store keeps the recordings.
+    """List, simulate and read the measured and simulated recordings of one configuration, which the store keeps.
 
-    If `draw` is given, only the measured recordings of this draw of the virtual campaign are listed. None stands for the configured draw
-    (measured.draw), or for all draws if none is configured.
-
-    Raises UserError if the configured recording set cannot be used, or was made with a radar that differs from the configured radar.
+    `draw` is the only draw of the virtual campaign that is listed; None stands for measured.draw, or for all draws. Raises UserError if the
+    recording set cannot be used, or was made with another radar.
     """
 
     def __init__(self, config: Config, store: Store, progress: Progress, draw: int | None = None):
@@ -55,11 +53,9 @@ class Campaign:
         return other
 
     def cases(self, domain: str, **conditions: Any) -> list[Case]:
-        """Return the recordings of a domain (measured or simulated) that meet conditions such as motion="turntable", room="lab",
-        object="mug", distance_m=1.0.
+        """Return the recordings of a domain that meet conditions such as motion="turntable" or object="mug".
 
-        If the measurements come from a recording set, the simulated domain has one recording per condition, without repetitions. Raises
-        InputError for a domain other than "measured" and the simulated domains.
+        A recording set has one simulated recording per condition, without repetitions. Raises InputError for an unknown domain.
         """
         self._check(domain)
         if self._recorded is None:
@@ -70,11 +66,7 @@ class Campaign:
         return [case for case in cases if all(getattr(case, name) == value for name, value in conditions.items())]
 
     def log(self, case: Case, domain: str = "measured") -> Log:
-        """Return the log (nominal motion of radar and target) of a recording.
-
-        If the measurements come from a recording set, the simulation follows the log of the longest repetition of the same condition. For
-        a turntable, the log of this repetition is cut to one revolution.
-        """
+        """Return the log of a recording; from a recording set the simulation follows the longest repetition, cut to one revolution."""
         if self._recorded is not None:
             return self._recorded.log(case) if domain == MEASURED else self._recorded.twin_log(case)
         return log(case, self.config.profile.campaign, measured=domain == MEASURED)
@@ -110,10 +102,7 @@ class Campaign:
         make_together(self.missing(wanted), self.config.jobs, self.progress, fresh)
 
     def missing(self, wanted: Iterable[tuple[str, Case]], clean: bool = False, setup: str = "") -> dict[str, RecordingTask]:
-        """Return {store key: task} of the simulated recordings that the store lacks, as input of `make_together`.
-
-        `clean` and `setup` become the attributes of the same name in RecordingTask.
-        """
+        """Return {store key: task} of the simulated recordings that the store lacks; `clean` and `setup` become attributes of the tasks."""
         tasks = {}
         for domain, case in wanted:
             if self._recorded is None or domain != MEASURED:
@@ -123,10 +112,7 @@ class Campaign:
         return tasks
 
     def plan(self) -> list[tuple[str, Case]]:
-        """Return all (domain, case) pairs that the campaign simulates, in the order of simulation.
-
-        Motions with short run times come first, and recordings along the same path of the radar are adjacent.
-        """
+        """Return all (domain, case) pairs to simulate: short motions first, and recordings along one path of the radar together."""
         domains = COMPARED if self._recorded is None else (TWIN,)
         order = {motion: number for number, motion in enumerate(("radial", "diagonal", "turntable", "depth", "lateral"))}
         pairs = [(domain, case) for domain in domains for case in self.cases(domain)]

@@ -123,11 +123,8 @@ def parse(pair: str) -> Case:
 
 
 def view(processed: Processed, log: Log, recording: Callable[[], Recording]) -> View:
-    """Compute the three power maps (over time, Doppler and azimuth) of one recording.
-
-    `recording` is a function that loads the recording's samples. For a turntable recording, the Doppler map is computed over all frames
-    from `processed`, and `recording` is not called. For other recordings, the Doppler map is computed from the samples of the middle
-    frame.
+    """Compute the three power maps of one recording. The Doppler map is that of all frames of a turntable, or of the samples of the middle
+    frame, which `recording` loads.
     """
     turning = log.angle_rad is not None
     count = processed.num_frames if log.angle_rad is None else envelope.frames_per_revolution(log.angle_rad)

@@ -22,10 +22,7 @@ READS = ("part", "parts")  # options experiment.NAME of this experiment
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Simulate the recordings of one part that the store lacks, in config.jobs workers.
-
-    Raises UserError if a recording cannot be simulated.
-    """
+    """Simulate the recordings of one part that the store lacks. Raises UserError if a recording cannot be simulated."""
     campaign, options = Campaign(config, store, progress), config.experiment
     wanted = part(campaign.plan(), options.part, options.parts)
     campaign.prepare(wanted)

@@ -201,10 +201,7 @@ def extrapolated(timed: Frame, counts: Sequence[tuple[int, int]], rooms: int) ->
 
 
 def states(domain: str, case: Case, frames: int, gaps: Gaps) -> tuple[int, int]:
-    """Return the number of radar frames of a recording (equal to `frames`), and the number of states of its scene that are ray-traced. For
-    a virtual measurement on the turntable, a traced state is one rotation angle of the target. For all other recordings, every frame is
-    traced.
-    """
+    """Return the number of frames of a recording, and that of its traced states: frames, or angles of a measured turntable's target."""
     return frames, min(frames, truth.aspects(case.object, gaps)) if domain == MEASURED and case.motion == "turntable" else frames
 
 

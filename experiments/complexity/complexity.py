@@ -137,10 +137,7 @@ def identity() -> dict[str, Any]:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Choose a simulation model for each case alone and for all cases together, then measure the run times of the chosen models.
-
-    Raises ConfigError if the configured scan has no object under test, or if its motion has no repeatability limits.
-    """
+    """Choose a model for each case and for all, then measure run times. Raises ConfigError for a scan without target or limits."""
     cases = cases_of(config)
     if workers.worker_count(config.jobs, len(cases)) > 1:
         with progress.task("cases recorded", len(cases)) as done:

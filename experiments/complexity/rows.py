@@ -122,12 +122,7 @@ def _row(config: Config, case: Mapping[str, Any], metric: str, estimate: Estimat
 
 
 def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw a map with one row per case and feature set and one column per model setting. A dark cell of the map is a setting with a long
-    run time.
-
-    The bars beside the map show the run times of the model chosen by simulator=auto and of the shipped default model, both divided by the
-    run time of the fixed default model.
-    """
+    """Draw a map of the settings of each case (dark: expensive), and the run times of auto and shipped over the fixed default."""
     cases = [row for row in rows if row["metric"] == SAVED]
     level = np.array([[_level(case, name) for name in HEADS] for case in cases])
     drawing, (table, bars) = figure(

@@ -169,10 +169,9 @@ def _setup(domain: str, on: Coalition) -> str:
 def losses(config: Config, sides: Sides, sets_of_gaps: Iterable[Coalition]) -> Losses:
     """Compute three losses per recording for each coalition of gaps, as [loss][coalition] -> array (recordings,).
 
-    ERROR is the rms over features of simulated minus measured value, each divided by the feature's standard deviation over the simulated
-    recordings without gaps. PROFILE is one minus the correlation of the simulated with the measured mean range profile in decibels, from
-    0.3 to 5.5 m. RECOGNITION is the share of random seeds for which a random forest trained on simulated frames classifies a measured
-    recording wrongly. The features of the random forest are replaced by their ranks within each domain and distance.
+    ERROR is the rms over features of simulated minus measured value, in standard deviations of the simulation without gaps. PROFILE is one
+    minus the correlation of the mean range profiles in decibels. RECOGNITION is the share of seeds for which a forest, trained on ranks of
+    simulated frames, is wrong.
     """
     wanted = list(dict.fromkeys(sets_of_gaps))
     sides.prepare(wanted)

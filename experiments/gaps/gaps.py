@@ -112,10 +112,7 @@ def _moved(gap: str, reading: Reading, base: Reading) -> dict[str, float]:
 
 
 def agreement(base: Mapping[Case, Reading], exact: Mapping[Case, Reading], solver: Frame) -> Iterator[Cell]:
-    """Declare for each case the difference between measurement and simulation with all gaps off.
-
-    The claim of such a cell is that this difference is smaller than the change that finer ray tracing causes (`solver`, by case).
-    """
+    """Declare the difference of the domains with all gaps off, claimed to be below the change that finer tracing causes (`solver`)."""
     for case in CASES:
         changes = case_set.moved(exact[case], base[case])
         of = pd.DataFrame({"key": [base[case].key, exact[case].key]})
@@ -135,10 +132,7 @@ def interpolated(case: Case, traced: Reading, blended: Reading) -> Cell:
 
 
 def cells(config: Config, frame: Frame) -> Iterator[Cell]:
-    """Declare the cells of one draw: all features for the case groups in SHOWN, only the predicted features for other groups.
-
-    A row of the frame has the changes of the features of one `case` by a `gap` at a `strength`, with the store keys `key`.
-    """
+    """Declare the cells of one draw: all features for the groups SHOWN, the predicted ones for others. A frame row is a case."""
     sources = config.measured.gap.sources()
     for (gap, strength), changes in frame.groupby(["gap", "strength"], sort=False):
         claims, by_case = {(group, feature): claim for group, feature, claim in expected(gap, strength)}, changes.set_index("case")

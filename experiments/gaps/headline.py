@@ -308,9 +308,8 @@ def _told(row: Mapping[str, Any] | None) -> str:
 
 
 def at_levels(rows: Sequence[dict[str, Any]]) -> None:
-    """Judge the rows with a p value as one family: the claim of rank i of m by its p value has the level 1 - 0.05/(m - i + 1) of Holm's
-    correction (S. Holm, Scandinavian Journal of Statistics 6 (1979) 65), at which its interval and verdict are given. Claims that the
-    testbed cannot decide are no tests.
+    """Judge the rows with a p value as one family by Holm's correction (Scandinavian Journal of Statistics 6 (1979) 65): the claim of rank
+    i of m has the level 1 - 0.05/(m - i + 1). Claims that the testbed cannot decide are no tests.
     """
     tested = sorted((row for row in rows if row["p"] is not None and row["verdict"] != NOT_HERE), key=lambda row: row["p"])
     for rank, row in enumerate(tested):

@@ -70,10 +70,7 @@ def offset_db(frame: Frame) -> float:
 
 
 def errors(frame: Frame) -> Frame:
-    """Return the measured less the simulated brightness of each measured revolution (columns BEFORE and AFTER), without the reflector.
-
-    The column `kind` is metal, ceramic, plastic or filled plastic.
-    """
+    """Return the measured less the simulated brightness (BEFORE, AFTER) and the `kind` of each revolution, without the reflector."""
     compared = balanced(frame)
     pairs = paired(by_revolution(compared[compared.object != REFLECTOR]))
     before = pairs[BRIGHTNESS] - pairs[f"{BRIGHTNESS}_twin"]

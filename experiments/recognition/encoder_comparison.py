@@ -113,10 +113,7 @@ def fit_method(config: Config, method: str, copies: Mapping[Reads, Samples], mea
 def fit_with_labels(
     config: Config, simulated: Samples | None, known: Samples, rest: Samples, seed: int, share: float = LABELLED_SHARE
 ) -> Fitted:
-    """Train the two-layer network on labelled measured rows, and on simulated rows if there are any.
-
-    The labelled rows are repeated so that they are about `share` of the training rows.
-    """
+    """Train the network on labelled measured rows, repeated to about `share` of the training rows, and on simulated rows if any."""
     train, shots = known, len(known) // len(known.classes)
     if simulated is not None:
         times = max(1, round(share / (1 - share) * len(simulated) / len(known)))

@@ -122,10 +122,7 @@ def embedding_map(recordings: Samples, classes: Mapping[str, str], title: str) -
 
 
 def label_curve(rows: Mapping[str, Mapping[Any, Row]], chance: float) -> Figure:
-    """Draw accuracy against the number of labelled recordings per class, from {method: {number: row}}.
-
-    The horizontal axis is symmetric-logarithmic, so that it includes zero labelled recordings.
-    """
+    """Draw accuracy against the number of labelled recordings per class (symlog axis), from {method: {number: row}}."""
     drawing, axis = figure(width_in=COLUMN_WIDTH_IN * 1.4, height_in=2.8)
     for number, (method, by_number) in enumerate(rows.items()):
         value, low, high = (np.array([row[name] for row in by_number.values()], float) for name in ("value", "low", "high"))

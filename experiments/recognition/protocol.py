@@ -83,10 +83,7 @@ def statistics_columns(answers: int, chance: float | None = None, shares: NDArra
 
 
 def probe_hits(config: Config, measured: Samples, copies: Samples) -> dict[str, NDArray[np.bool_]]:
-    """Train the encoder on scaled rows of simulated copies, and return for each probe whether each answer is correct, (seeds, N).
-
-    The probe TEXT needs no labels. The probe RECORDINGS needs at least two recordings of each object, and is left out without them.
-    """
+    """Train the encoder on scaled rows of copies, and return for TEXT, and RECORDINGS if possible, the correct answers (seeds, N)."""
     trained = encoders(config, label_free(copies, measured))
     texts, temperature = anchors(measured.classes), settings(config).temperature
     hits = {TEXT: correct([nearest_text(encoder, measured.unlabelled(), texts, temperature) for encoder in trained], measured.label)}

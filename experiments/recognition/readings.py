@@ -20,10 +20,7 @@ PROFILES = 50  # number of range profiles of a range-time signature
 
 
 def recording_name(domain: str, case: Case | Any) -> str:
-    """Return a name that contains the domain (measured or simulated) and sorts by object, room, motion, distance, repetition and draw.
-
-    `case` is a Case or a row of a frame.
-    """
+    """Return a name of a Case or row that sorts by object, room, motion, distance, repetition, draw and domain."""
     draw = f" draw {case.draw}" if case.draw else ""
     return f"{case.object} {case.room} {case.motion} {case.distance_m:g} m #{case.repetition}{draw} {domain}"
 
@@ -97,10 +94,7 @@ def signatures(rows: Frame) -> Samples:
 
 
 def reflector(rows: Frame) -> Frame:
-    """Return one recording in each domain of the corner reflector at its middle distance, for the calibration.
-
-    Raises InputError if the rows have no reflector.
-    """
+    """Return the recording of the reflector at its middle distance in each domain. Raises InputError if there is none."""
     reflectors = rows[rows.object == REFLECTOR]
     if set(reflectors.domain) < set(COMPARED):
         where = " and ".join(sorted({f"{motion} in {room}" for motion, room in zip(rows.motion, rows.room, strict=True)}))

@@ -14,10 +14,7 @@ SPAN_DB = 50.0
 
 
 def panels_figure(frame: Frame) -> Figure:
-    """Draw range-time maps of up to four objects at one place, preferably a drive along the line of sight ("depth").
-
-    The levels of each map are relative to the maximum of the map.
-    """
+    """Draw range-time maps of up to four objects at one place, preferably of a "depth" drive, each relative to its maximum."""
     places = [place for place, _ in frame.groupby(["room", "motion", "distance_m"])]
     place = next((candidate for candidate in places if candidate[1] == "depth"), places[0])
     here = frame[(frame.room == place[0]) & (frame.motion == place[1]) & (frame.distance_m == place[2])]

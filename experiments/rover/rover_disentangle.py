@@ -105,10 +105,7 @@ def slice_correlations(levels: Levels, factor: str) -> NDArray[np.floating]:
 
 
 def room_signs(levels: Levels) -> NDArray[np.floating]:
-    """Return 1 or 0 for each object, distance, pair of rooms and feature, in one array.
-
-    The entry is 1 if the feature is higher in the same one of the two rooms in measurement and simulation. Unchanged features are left out.
-    """
+    """Return for each object, distance, pair of rooms and changed feature whether it is higher in the same room in both domains."""
     signs = []
     rooms = sorted({room for _, room, _ in levels})
     for name, room, distance in levels:
@@ -131,11 +128,8 @@ def matched(levels: Levels) -> NDArray[np.floating]:
 
 
 def effects(levels: Levels) -> dict[str, float]:
-    """Compute the main effect of each factor on the disagreement (simulated minus measured), as a mean over features.
-
-    The effect of a factor is the share of the variance that the means at the factor's levels explain, per degree of freedom (number of
-    levels minus one). The division is needed because a factor with more levels explains more variance even if it has no effect. Factors
-    with only one level (such as a single room) are left out.
+    """Compute the effect of each factor on the disagreement: the share of the variance that the means of its levels explain, per degree of
+    freedom (levels minus one), because more levels explain more. Factors with a single level are left out.
     """
     labels = list(levels)
     gap = np.stack([values[1] - values[0] for values in levels.values()])
@@ -198,12 +192,7 @@ def _rank_correlations(values: NDArray) -> NDArray[np.floating]:
 def bootstrap(
     levels: Levels, statistic: Callable[[Levels], float], resamples: int, seed: int, limits: tuple[float, float] = statistics.ANY
 ) -> Estimate:
-    """Compute a statistic, and its interval by a bootstrap over objects. An object that the bootstrap draws contributes its values in all
-    rooms and at all distances.
-
-    At most MOST_DRAWN resamples are drawn. The interval is widened for few objects (`statistics.widening`) and clipped to `limits`, the
-    smallest and largest value that the statistic can have.
-    """
+    """Compute a statistic and its interval by at most MOST_DRAWN resamples of whole objects, widened and clipped to `limits`."""
     names = sorted({name for name, _, _ in levels})
     rng = np.random.default_rng(seed)
     drawn = []

@@ -71,10 +71,7 @@ def cells(config: Config, frame: Frame) -> Iterator[Cell]:
 
 
 def agreements(frame: Frame) -> Frame:
-    """Return the rank correlation `rho` between measured and simulated values of each feature (columns `feature` and `family`) over the
-    objects at each place (columns WHERE) with three or more objects. Features without variation between the objects in either domain are
-    left out.
-    """
+    """Return the rank correlation `rho` over the objects of each place (three or more) for each feature that varies in both domains."""
     rows = []
     for place, here in frame.groupby(WHERE):
         if here.object.nunique() > 2:

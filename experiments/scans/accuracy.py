@@ -133,11 +133,8 @@ def _subset(points: np.ndarray, count: int) -> np.ndarray:
 
 
 def sighted(truth: ScanTruth, frames: Frames) -> Sighted:
-    """Return a function that decides which points of the scene a simulated scan saw, for `experiments.scans.segment_score`.
-
-    A pixel counts as having seen a point if three conditions hold. The surface of the point faces the camera. The ray of the pixel hits
-    this surface. The true depth of the pixel equals the depth at which its ray crosses the plane of the surface through the point.
-    Therefore the far side of a thin plate does not count as seen.
+    """Return a function that decides which points a scan saw: their surface faces the camera, a pixel hits it, and the true depth of this
+    pixel is where its ray crosses the plane of the surface at the point.
     """
     lenses = [frame.intrinsics for frame in frames]
     height, width = truth.depth_m.shape[1:]

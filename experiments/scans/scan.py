@@ -92,10 +92,7 @@ def fetch(config: Config, store: Store, room: str, strength: float, seed: int) -
 
 
 def scores(folder: Path, room: str, strength: float, seed: int) -> dict[str, Any]:
-    """Return the scores of a reconstructed scene folder against the true room.
-
-    The function simulates the scan again to find out which true surfaces the scan saw.
-    """
+    """Return the scores of a reconstructed scene against the true room. The scan is simulated again to find which surfaces it saw."""
     import trimesh
 
     from experiments.scans.accuracy import accuracy, profile_error_db, sighted

@@ -88,12 +88,7 @@ class Truth:
 
 
 def samples(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Sample the surfaces of a scene evenly, with one point per SPACING_M^2.
-
-    Returns:
-        points, normals: (N, 3) sampled points in metres and their unit normals.
-        number: (N,) index of the surface on which each point lies.
-    """
+    """Sample a scene with one point per SPACING_M^2. Returns points (N, 3) in metres, their unit normals, and surface indices (N,)."""
     return _joined(scene, [spread(s.mesh, SPACING_M) for s in scene])
 
 

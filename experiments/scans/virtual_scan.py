@@ -32,11 +32,10 @@ SHIPPED_STRENGTH, SHIPPED_SEED = 1.0, 0
 
 
 def fetch(config: Config, store: Store, room: str, strength: float, seed: int | None = None, anew: bool = False) -> Product:
-    """Return the scanned and reconstructed room as a stored result. A room that is not in the store is unpacked from the shipped rooms, or
-    scanned if no shipped room has its strength and seed. `seed=None` uses the configured seed.
+    """Return the scanned and reconstructed room as a stored result, from the shipped rooms if one has its strength and seed.
 
-    At strength 0 the stored result is the true furnished room itself, without the clutter that the phone scans at other strengths. A
-    shipped room holds the scene only; if `anew`, the room is scanned, and the result also holds the mesh and the photographs of the scan.
+    At strength 0 it is the true furnished room. A shipped room holds the scene only; with `anew`, the result of a scan also holds its mesh
+    and photographs.
     """
     spec = specification(config, room, strength, seed, anew)
 
@@ -57,10 +56,7 @@ def key(config: Config, store: Store, room: str, strength: float) -> str:
 
 
 def specification(config: Config, room: str, strength: float, seed: int | None = None, anew: bool = False) -> dict[str, Any]:
-    """Return all parameters that determine a scan. These parameters are the specification from which the store key is computed.
-
-    The specification of a shipped room has the SHA-256 digest of its file under the key "shipped".
-    """
+    """Return all parameters that determine a scan; a shipped room has the SHA-256 of its file under the key "shipped"."""
     seed = config.seed if seed is None else seed
     spec = {"room": room, "strength": strength, "seed": seed}
     if anew or not ships(room, strength, seed):

@@ -126,10 +126,7 @@ def _cost(campaign: Campaign, cases: Sequence[Any]) -> dict[str, Any]:
 
 
 def feature_error(simulated: Samples, measured: Samples) -> tuple[float, float]:
-    """Return the feature error in standard deviations of the measured features, and its standard error over recordings.
-
-    Features that are constant over the measured recordings are left out.
-    """
+    """Return the error in standard deviations of the measured features that vary, and its standard error over recordings."""
     spread = measured.values.std(axis=0)
     tells = spread > 1e-9 * np.abs(measured.values).max(axis=0)
     apart = np.stack([

@@ -86,10 +86,7 @@ class Timed:
         return signal_error.compare(pairs, self.problem.parts[0].radar)
 
     def once(self, moved: bool = False) -> tuple[float, float]:
-        """Simulate all recordings once. Returns (seconds of `clock`, wall-clock seconds) per frame.
-
-        If `moved` is true, the radar is shifted slightly, so that no cached paths are reused.
-        """
+        """Simulate all recordings once, with a shifted radar if `moved`. Returns (seconds of `clock`, wall-clock seconds) per frame."""
         if self.method.published:
             settings = self.method.simulator.settings
             seconds = [
@@ -106,10 +103,8 @@ class Timed:
         return (clock() - began) / frames, wall_s
 
     def prepare(self, budget_s: float, most: int) -> None:
-        """Simulate the first recordings, measure their memory and rays, and choose the number of frames of a repetition.
-
-        RadarTwin's tracer simulates all frames (`most`), because it does some work for several frames at once. Each frame of another method
-        takes the same time, so a repetition of another method has as many frames as fit into `budget_s` seconds.
+        """Simulate the first recordings, measure their memory and rays, and choose the number of frames of a repetition: all (`most`) for
+        our tracer, which does some work for several frames at once; of others as many as fit into `budget_s` seconds.
         """
         is_radartwin = self.method.family == OURS
         if is_radartwin and not self.problem.resting:
@@ -161,12 +156,10 @@ class Timed:
 def measure(
     problem: Problem, methods: Sequence[Method], rounds: int, budget_s: float, slow_s: float, say: Callable[[str], None]
 ) -> list[dict[str, Any]]:
-    """Time all simulation methods on a test problem, in alternation, and return one row per method.
+    """Time all methods on a test problem and return one row per method.
 
-    The first method runs once before the timing, so that the kernels that several methods use are compiled. After the first two
-    repetitions there are `rounds` more repetitions, each with as many frames as fit into `budget_s` seconds. Every second repetition takes
-    the methods in reverse order, because a method can be slower after another one. A method is timed only once if one repetition takes more
-    than `slow_s` seconds.
+    The first call compiles the kernels. After two repetitions there are `rounds` more, in alternating order, because a method can be slower
+    after another one. A method whose repetition takes more than `slow_s` seconds is timed once.
     """
     calls = itertools.count(1)
     timed = [Timed(problem, method, calls) for method in methods]

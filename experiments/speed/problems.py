@@ -87,10 +87,7 @@ class Problem:
 
 
 def swept(echo: Callable[[np.ndarray], np.ndarray], distance_m: float) -> np.ndarray:
-    """Return samples (1, 1, 1, samples) of an echo.
-
-    `echo` is a function of frequencies (F,). The length of the echo's propagation path is about twice `distance_m`.
-    """
+    """Return samples (1, 1, 1, samples) of an echo, a function of frequencies (F,), at about `distance_m`."""
     frequencies = traced.frequencies(traced.MONOSTATIC)
     middle, half = frequencies.mean(), (frequencies[-1] - frequencies[0]) / 2
     nodes = middle + half * np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
@@ -118,10 +115,7 @@ def turntable_poses(distance_m: float, frames: int, start_deg: float) -> np.ndar
 
 @cache
 def canonical(frames: int, scored: int) -> Problem:
-    """Return the test problem of four metal targets.
-
-    The plate and the trihedral turn on a turntable. The echoes of the sphere and the cylinder are the same in every frame.
-    """
+    """Return the problem of four metal targets: a plate and a trihedral that turn, and a sphere and a cylinder."""
     poses = {name: turntable_poses(CANONICAL_M, frames, start_deg) for name, start_deg in (("plate", 0.0), ("trihedral", 5.0))}
     sphere = cache(lambda: swept(partial(sphere_echo, 0.033, CANONICAL_M), CANONICAL_M))
     cylinder = cache(lambda: swept(partial(cylinder_echo, 0.033, 0.12, CANONICAL_M), CANONICAL_M))
@@ -155,10 +149,7 @@ def _part(name: str, mesh: trimesh.Trimesh, poses: np.ndarray, scored: int, echo
 
 @cache
 def empty_room(frames: int, scored: int, bounces: int = 4) -> Problem:
-    """Return the test problem of an empty concrete office.
-
-    The radar moves 2 cm per frame and is tilted, so that no image source lies on the axis of its antennas.
-    """
+    """Return the problem of an empty office with a radar that moves 2 cm per frame, tilted so that no image lies on its axis."""
     poses = np.stack([traced.pose(OFFICE_SENSOR + np.array([0.02 * n, 0, 0]), rooms.rotation()) for n in range(frames)])
     part = Part(
         "office", rooms.room_scene(OFFICE, "concrete"), poses, {}, scored, traced.MONOSTATIC,

@@ -100,11 +100,7 @@ def _measure(problem: Problem, full: bool, progress: Progress, folder: Path) -> 
 
 
 def table(measured: Sequence[Mapping[str, Any]], machine: Mapping[str, str], known: Mapping[str, Problem]) -> list[dict[str, Any]]:
-    """Return the rows of the table: each method's run time relative to the default on each test problem, then the claims.
-
-    The first claim is that the default is on the Pareto fronts of signal error and profile error. The second claim is that it is faster
-    than RF-Genesis as published.
-    """
+    """Return each method's run time over the default's, then the claims: on the Pareto fronts, and faster than RF-Genesis."""
     rows: list[dict[str, Any]] = []
     for name in dict.fromkeys(method["problem"] for method in measured):
         mine = [method for method in measured if method["problem"] == name]

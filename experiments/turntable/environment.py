@@ -223,11 +223,8 @@ def _correlations(here: Frame, side: str, scale: str) -> NDArray[np.float64]:
 
 
 def similarities(here: Frame, side: str) -> tuple[list[float], list[float]]:
-    """Return two similarities of the first frame of each measured recording to that of a side, from 0 to 1.
-
-    The ranges are those of the profiles. The first one is the multi-scale structural similarity of the range-azimuth maps in decibels, from
-    60 dB below the maximum of a map. The second one is the complex similarity |<a, b>| / (|a| |b|) of the channel signals, which does not
-    depend on gain and phase of the recordings.
+    """Return two similarities (0 to 1) of the first frame of each measured recording to that of a side, over the ranges of the profiles:
+    the MS-SSIM of the range-azimuth maps in dB, and |<a, b>| / (|a| |b|) of the channel signals, without gain and phase.
     """
 
     def first(recording: Any) -> tuple[NDArray, NDArray]:

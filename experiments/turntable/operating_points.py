@@ -106,11 +106,7 @@ class Point:
 
 
 def conditions(config: Config) -> tuple[Condition, ...]:
-    """Return the conditions of the measurement that the table compares.
-
-    The result is empty if the table has no operating points. The table has operating points if the testbed measures at the paper's distance
-    and the simulation has a room.
-    """
+    """Return the compared conditions; none if the testbed does not measure at the paper's distance, or the simulation has no room."""
     distances_m, profile = config.experiment.distances_m, config.profile.name
     if config.measured.provider != "testbed" or config.materials.source == VOID or (distances_m and DISTANCE_M not in distances_m):
         return ()

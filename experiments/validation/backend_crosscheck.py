@@ -69,10 +69,7 @@ CLAIMS = {
 
 @dataclass(frozen=True)
 class Compared:
-    """Comparison of RadarTwin's paths with the paths of one reference at one position of the radar.
-
-    The comparison uses only strong paths, within DYNAMIC_DB of the strongest path.
-    """
+    """The paths of one reference against ours at one position of the radar; only paths within DYNAMIC_DB of the strongest count."""
 
     matched: np.ndarray  # (N,) whether each strong path of the reference has a partner among RadarTwin's paths
     length_mm: np.ndarray  # (M,) length errors of the matched paths
@@ -111,10 +108,7 @@ def _paths_in(room: str, detail: str, place: int, seed: int) -> dict[str, PathSe
 
 
 def pose_in(room: str, place: int, seed: int) -> np.ndarray:
-    """Return a sensor pose (4, 4) near the rover's start.
-
-    The sensor pose is off all symmetry planes of the room, and tilted so that no image source lies on the antenna's axis.
-    """
+    """Return a pose (4, 4) near the rover's start, off all symmetry planes and tilted, so that no image lies on the antenna's axis."""
     pose = rooms.bench(room).sensor_pose.copy()
     draw = np.random.default_rng([seed, place])
     pose[:3, 3] += draw.uniform([0.05, 0.05, 0.02], [0.35, 0.35, 0.6])
@@ -186,10 +180,7 @@ def frequency_hz(scene: Scene) -> float:
 
 
 def cleared(paths: PathSet, images: PathSet) -> PathSet:
-    """Return the paths with the attribute `clear` taken from the matching image source.
-
-    A path that reflects at furniture has no matching image source, so its `clear` is false.
-    """
+    """Return the paths with `clear` taken from the matching image source; a path over furniture has none, and is not clear."""
     index = partners(paths, images)
     return replace(paths, clear=np.where(index >= 0, images.clear[index], False))
 

@@ -254,11 +254,7 @@ def _peaks(ranges_m: np.ndarray, described_m: Sequence[float], bin_m: float, whe
 
 
 def compare_scan(config: Config) -> Iterator[Compared]:
-    """Yield the errors of the reconstruction of the chair scan.
-
-    The errors are distances and scale error between RadarTwin's mesh of the camera frames and the vendor's mesh, and the distance from the
-    vendor's mesh to the surfaces of RadarTwin's scene.
-    """
+    """Yield distances and scale error between our mesh of the camera frames and the vendor's mesh, and from this mesh to our scene."""
     frames = load_frames(CHAIR)
     vendor, fused = load_scan(CHAIR / "export.obj", up="y")[0], fuse(frames)[0]
     distances = [_distances(fused, [vendor]), _distances(vendor, [fused])]
@@ -284,10 +280,8 @@ def _distances(mesh: trimesh.Trimesh, others: Sequence[trimesh.Trimesh]) -> np.n
 
 
 def fitted_scale(mesh: trimesh.Trimesh, other: trimesh.Trimesh) -> float:
-    """Return the factor that scales a mesh to another mesh, fitted together with rotation and translation to point-to-plane distances.
-
-    Noise of the points makes this factor too small. The factor from the other mesh to the first is too small by the same amount. The square
-    root of the ratio of both factors therefore has no such error.
+    """Return the factor that scales a mesh to another, fitted with rotation and translation to point-to-plane distances. Noise makes it
+    too small, as it does in the other direction, so that the square root of the ratio of both factors has no such error.
     """
     from scipy.spatial.transform import Rotation
 

@@ -19,10 +19,7 @@ ASIDE = 1e-7
 
 
 def images(size_m: np.ndarray, sensor_m: np.ndarray, bounces: int) -> Iterator[tuple[np.ndarray, np.ndarray, list[tuple[int, float]]]]:
-    """Yield every image source of 1 to `bounces` reflections as (index (3,), image position (3,), walls of its path).
-
-    `walls` is a list of (axis, coordinate of the wall's plane).
-    """
+    """Yield every image of 1 to `bounces` reflections as (index (3,), position (3,), walls [(axis, coordinate)] of its path)."""
     for index in product(range(-bounces, bounces + 1), repeat=3):
         if not 1 <= sum(map(abs, index)) <= bounces:
             continue

@@ -42,10 +42,7 @@ def layered_width(radii_m: Sequence[float], permittivities: Sequence[complex], w
 
 
 def coefficients(radii_m: Sequence[float], permittivities: Sequence[complex], wavelength_m: float, order: np.ndarray) -> np.ndarray:
-    """Return the coefficients a_n (N,), multiplied by exp(-j k a) for the outer radius a.
-
-    The scattered wave of an incident wave of unit field is the sum of (-j)^n a_n H_n(k r) exp(j n phi).
-    """
+    """Return a_n exp(-j k a) (N,) of the scattered wave sum of (-j)^n a_n H_n(k r) exp(j n phi), for the outer radius a."""
     k0 = 2 * np.pi / wavelength_m
     # E'/E at each radius, computed outwards from the core
     slope = None

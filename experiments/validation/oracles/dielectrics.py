@@ -112,10 +112,7 @@ def exact_bottle(wall: str, contents: str, points: int) -> float:
 
 
 def our_bottle(wall: str, contents: str) -> float:
-    """Return the ray tracer's value for the same quantity as `exact_bottle`.
-
-    The traced object is a closed can at 5 m whose side has the layers of the bottle's wall and contents.
-    """
+    """Return the tracer's value for `exact_bottle`, of a closed can at 5 m whose side has the layers of wall and contents."""
     material, thickness = WALLS_M[wall]
     return _mean_over_metal(objects.cylinder(RADIUS_M, HEIGHT_M), Layered([(material, thickness)], contents), 5.0)
 

@@ -23,10 +23,7 @@ from radartwin.simulation.hits import Antennas, TraceOptions
 def bistatic(
     mesh: trimesh.Trimesh, sources: np.ndarray, receivers: np.ndarray, *, cross: bool = False, density: float = 16.0, bounces: int = 1
 ) -> np.ndarray:
-    """Return the received amplitudes (F,) of a metal target between isotropic antennas, from sources (F, 3) to receivers (F, 3).
-
-    The sources transmit vertical polarisation (V). The receivers receive V, or horizontal polarisation (H) if `cross` is true.
-    """
+    """Return the received amplitudes (F,) of a metal target, from sources (F, 3), polarised V, to receivers (F, 3), V or (`cross`) H."""
     variant.activate()
     built = geometry.build([mesh])
     table = reflection_table.build([("metal", 0.0)], FREQUENCY_HZ)
@@ -79,11 +76,7 @@ def _swapped_images(full: bool) -> Finding:
 
 
 def solid_angle(triangles: np.ndarray, point: np.ndarray) -> float:
-    """Return the solid angle in steradians of triangles (N, 3, 3), seen from `point`. As seen from `point`, the triangles must not hide
-    one another.
-
-    Ref: A. van Oosterom, J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125.
-    """
+    """Return the solid angle of triangles (N, 3, 3) that do not hide one another. Ref: van Oosterom, Strackee, IEEE T-BME 30 (1983) 125."""
     a, b, c = (triangles - point).transpose(1, 0, 2)
     la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
     triple = np.einsum("ni,ni->n", a, np.cross(b, c))

@@ -65,10 +65,8 @@ class Nodes:
 
 
 def strip(ends: np.ndarray, spacing_m: float, resistive: bool = False) -> Nodes:
-    """Return the nodes of a strip between two points (2, 2), at most `spacing_m` apart.
-
-    The position along the strip is the integral of tanh(t/ROUNDING) near its start, so it grows as t^2 there, and likewise near its end.
-    The mirror image of a node beyond an end is a node of the strip.
+    """Return the nodes of a strip between two points (2, 2), at most `spacing_m` apart. The position is the integral of tanh(t/ROUNDING)
+    near an end, so that it grows as t^2, and the mirror image of a node beyond the end is a node of the strip.
     """
     length = float(np.linalg.norm(ends[1] - ends[0]))
     n = int(np.ceil(length / spacing_m + 2 * np.log(2) * ROUNDING))
@@ -89,19 +87,13 @@ def strip(ends: np.ndarray, spacing_m: float, resistive: bool = False) -> Nodes:
 
 
 def damping_sheet(body: np.ndarray) -> np.ndarray:
-    """Return the ends (2, 2) of a resistive sheet inside a closed convex body with vertices (V, 2) in order.
-
-    The sheet lies near a diagonal but is turned off the diagonal, because some modes of a square vanish on its diagonals.
-    """
+    """Return the ends (2, 2) of a resistive sheet inside a convex body (V, 2), off the diagonals, where some modes of a square vanish."""
     inner, half = body + INSET * (body.mean(axis=0) - body), len(body) // 2
     return np.array([inner[0], 0.65 * inner[half] + 0.35 * inner[half + 1]])
 
 
 def nodes(surfaces: Iterable[np.ndarray], frequency_hz: float, per_wavelength: float = PER_WAVELENGTH) -> Nodes:
-    """Return the nodes of surfaces for frequencies up to `frequency_hz`. Each surface is an array of strips (S, 2, 2).
-
-    A surface is a closed body if each strip starts where the strip before it ends.
-    """
+    """Return the nodes of surfaces (S, 2, 2), of which those whose strips join in a ring are closed bodies."""
     spacing = SPEED_OF_LIGHT / frequency_hz / per_wavelength
     parts = []
     for strips in surfaces:

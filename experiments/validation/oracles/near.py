@@ -17,10 +17,7 @@ RCS = "effective cross-section (dBsm)"
 
 
 def effective(amplitude: np.ndarray, distance_m: np.ndarray) -> np.ndarray:
-    """Return the effective cross-section in dBsm.
-
-    The effective cross-section is that of a far-field target at the same distance whose echo has the same received amplitude.
-    """
+    """Return the cross-section in dBsm of a far-field target with the same received amplitude at the same distance."""
     return db((4 * np.pi) ** 3 * distance_m**4 * abs(amplitude) ** 2 / WAVELENGTH_M**2)
 
 

@@ -95,10 +95,7 @@ def chain_quadrature(panels: Sequence[ArrayLike], sensor: ArrayLike, wavelength:
 
 
 def corner_quadrature(panels: Sequence[ArrayLike], sensor: ArrayLike, wavelength: float) -> complex:
-    """Return the received amplitude of all paths between the panels of a dihedral or trihedral seen from inside, without shadows.
-
-    A path hits each panel at most once.
-    """
+    """Return the amplitude of all paths that hit each panel of a dihedral or trihedral at most once, without shadows."""
     orders = (order for count in range(1, len(panels) + 1) for order in permutations(panels, count))
     return sum((chain_quadrature(order, sensor, wavelength) for order in orders), 0j)
 

@@ -47,10 +47,7 @@ def _radial(order: np.ndarray, z: float) -> tuple[np.ndarray, np.ndarray, np.nda
 
 
 def cylinder_echo(radius_m: float, length_m: float, distance_m: float, frequency_hz: np.ndarray | float) -> np.ndarray:
-    """Return the complex echo amplitude (F,) of an upright conducting cylinder at the radar's height, for vertically polarised antennas.
-
-    The cylinder's axis is `distance_m` away.
-    """
+    """Return the echo (F,) of an upright conducting cylinder at the radar's height, `distance_m` from its axis, vertically polarised."""
     near = distance_m - radius_m
     mirrored = 1 / (1 / near + 2 / radius_m)  # radius of curvature of the reflected wave around the cylinder
     level = np.sqrt(mirrored / (mirrored + near) / 2) / near

@@ -62,10 +62,7 @@ class Room:
         self._loose = corners[loose]
 
     def images(self, sensor_m: np.ndarray, axis: np.ndarray, bounces: int) -> Iterator[Image]:
-        """Yield every image path of up to `bounces` reflections, for a sensor at `sensor_m` (3,) with antennas along `axis` (3,).
-
-        `sensor_m` and `axis` are in the world frame.
-        """
+        """Yield every image path of up to `bounces` reflections for antennas along `axis` (3,) at `sensor_m` (3,), world frame."""
         sensor = sensor_m - self.low
         for index, place, walls in box.images(self.size_m, sensor, bounces):
             line = place - sensor

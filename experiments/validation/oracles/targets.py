@@ -34,10 +34,7 @@ def mie_rcs(radius_m: float, wavelength_m: float = WAVELENGTH_M) -> float:
 
 
 def cylinder_rcs(radius_m: float, height_m: float) -> float:
-    """Return the broadside cross-section in m^2 of a cylinder: the exact echo width of an infinitely long cylinder times 2 L^2/lambda.
-
-    Ref: Balanis (2012), eq. 11-22b.
-    """
+    """Return the broadside cross-section in m^2 of a cylinder: echo width times 2 L^2/lambda. Ref: Balanis (2012), eq. 11-22b."""
     return 2 * height_m**2 / WAVELENGTH_M * conductor_width(radius_m, WAVELENGTH_M)
 
 

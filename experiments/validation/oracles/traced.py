@@ -35,10 +35,7 @@ def trace(scene: rt.Scene, radar: rt.Radar, pose: np.ndarray, trace_settings: Tr
 
 
 def field(parts: Sequence[Paths], frequency_hz: float) -> complex:
-    """Return the sum of the complex amplitudes of all paths between isotropic antennas at one frequency.
-
-    Amplitudes are interpolated between the frequencies (nodes) at which the tracer computes them.
-    """
+    """Return the sum of all paths between isotropic antennas at one frequency, interpolated between the nodes of the tracer."""
     total = 0j
     for paths in parts:
         nodes = paths.frequencies_hz
