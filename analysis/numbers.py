@@ -1,11 +1,8 @@
-"""Check the numbers of a text against the committed tables.
+"""Check the numbers of a text against the committed tables: `python -m analysis.numbers docs/findings.md README.md`.
 
-    python -m analysis.numbers docs/findings.md README.md
-
-A section of the text names its tables in backticks, such as `environment`. A number of the section counts as found if a cell of one of
-these tables, rounded like the number, has the same value. For a number before a per cent sign, the cell may hold the value as a fraction of
-one. Code, links and headings are left out. The command prints each number that it does not find. Its exit status is 1 if it does not find a
-number in a table or an interval of the text, because these numbers come from tables only.
+A section names its tables in backticks. A number of the section, also before a per cent sign, must round like a cell of one of these
+tables. The command prints the others; its exit status is 1 if one is in a table or an interval of the text. Code, links and headings are
+left out.
 """
 
 import argparse
@@ -13,8 +10,8 @@ import csv
 import re
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from analysis.pages.template import RESULTS
 from radartwin.io.one_line import one_line
@@ -24,8 +21,7 @@ INTERVAL = re.compile(r"[(\[]\s*[-+]?[\d.]+ ?(?:to|,) ?[-+]?[\d.]+\s*[)\]]")
 LEFT_OUT = re.compile(r"`[^`]*`|\]\([^)]*\)|https?://\S+|\d{4}-\d{2}-\d{2}")
 
 
-@dataclass(frozen=True)
-class Number:
+class Number(NamedTuple):
     """A number of a text: its line number, its text, the line, and whether it must come from a table."""
 
     line: int
@@ -36,20 +32,15 @@ class Number:
 
 def tables(folder: Path = RESULTS) -> dict[str, set[float]]:
     """Return all numbers of each committed table."""
-    values: dict[str, set[float]] = {}
-    for file in sorted(folder.glob("*.csv")):
-        with open(file, encoding="utf-8", newline="") as stream:
-            cells = [cell for row in csv.reader(stream) for cell in row]
-        values[file.stem] = {value for cell in cells for value in _values(cell)}
-    return values
+    rows = {file.stem: list(csv.reader(file.read_text(encoding="utf-8").splitlines())) for file in folder.glob("*.csv")}
+    return {name: {value for row in of_table for cell in row for value in _values(cell)} for name, of_table in rows.items()}
 
 
 def missing(text: str, known: dict[str, set[float]]) -> list[Number]:
     """Return the numbers of a text that no table of their section holds."""
     numbers = []
     for first, section in _sections(text):
-        named = [known[name] for name in re.findall(r"`([a-z_]+)`", "\n".join(section)) if name in known]
-        values = set().union(*named)
+        values = set().union(*(known.get(name, ()) for name in re.findall(r"`([a-z_]+)`", "\n".join(section))))
         for at, line in enumerate(section, first):
             bare = LEFT_OUT.sub(lambda match: " " * len(match.group()), line)
             intervals = [match.span() for match in INTERVAL.finditer(bare)]

@@ -1,8 +1,5 @@
-"""Record in the folder `tables` which run each table is from, which runs failed, and what each table depends on.
-
-- `tables/index.json` holds for each table the run key, the profile and the names of the table's figures.
-- `tables/failures.json` holds for each table the run that ended with an error; a later successful run of the table removes the entry.
-- `tables/stamps.json` holds for each table one SHA-256 hash of the table's files and of everything that the files depend on.
+"""Record in the folder `tables` which run each table is from (index.json), which runs ended with an error (failures.json), and one SHA-256
+hash of the files of each table and of everything that they depend on (stamps.json).
 """
 
 import functools
@@ -43,12 +40,11 @@ def read(output: Path, name: str) -> Entries:
         return {}
     try:
         entries = untrusted_json.read(path)
-        if not all({key: type(value) for key, value in entry.items()} == FORMS[name] for entry in entries.values()):
-            raise ValueError("an entry is not of the expected form")
-        if not all(
-            isinstance(figure, str) and _FIGURE.fullmatch(figure) for entry in entries.values() for figure in entry.get("figures", ())
-        ):
-            raise ValueError("a figure's name is not that of a file")
+        for entry in entries.values():
+            if {key: type(value) for key, value in entry.items()} != FORMS[name]:
+                raise ValueError("an entry is not of the expected form")
+            if not all(isinstance(figure, str) and _FIGURE.fullmatch(figure) for figure in entry.get("figures", ())):
+                raise ValueError("a figure's name is not that of a file")
     except (ValueError, AttributeError, TypeError) as error:
         raise InputError(f"{path} is damaged ({str(error).splitlines()[0]}); delete it and run radartwin tables again") from error
     return entries

@@ -1,11 +1,9 @@
 """Write docs/paper-tables.md: the paper's tables, figures and numbers in its order, beside the rows of docs/results that answer them.
 
-`paper_tables.yaml` lists the sections. A row of a section has the keys `quantity`, `paper` (the paper's figure), `same` (whether the
-protocol is the same) and the columns that select one row of a results table. A list as a column's value gives a row for each entry.
-Instead of `quantity` and `paper`, a row may have `cells`: texts, and mappings with a `paper` of their own. `column` shows another column
-than the value, `here` is a text, and `setting` names a constant (module:NAME) or an attribute of the radar or the profile paper.
-
-A primary claim has the interval and the verdict of the table `headline`, because these include Holm's correction.
+A row of a section in `paper_tables.yaml` has `quantity`, `paper` (the paper's figure), `same` (whether the protocol is the same) and the
+columns that select one row of a results table; a list gives a row for each entry. `cells` are texts, and mappings with a `paper` of their
+own. `column` shows another column, `here` is a text, and `setting` names a constant (module:NAME) or an attribute of radar or profile.
+A primary claim has the interval and the verdict of the table `headline`, which include Holm's correction.
 """
 
 import functools

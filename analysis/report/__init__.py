@@ -1,10 +1,7 @@
-"""Write the report, OUTPUT/report/index.html. A browser can open the report from this folder without an internet connection.
+"""Write the report, OUTPUT/report/index.html, which a browser can open without an internet connection.
 
-- `content` reads rows and figures of each table, or the reason why a table is absent.
-- `origin` reads the versions, machine, seeds, run times and MLflow runs behind the report.
-- `room_pages` writes pages that show the rooms in three dimensions.
-- `markup` fills the template of the report page, which escapes all text that enters the page.
-- `page/` holds the HTML template, the style sheet and the script.
+`content` reads the tables, `origin` their runs, `room_pages` draws the rooms, and `markup` fills the template in `page`, which escapes all
+text that enters the page.
 """
 
 from collections.abc import Sequence

@@ -1,12 +1,9 @@
 """Resolution of two targets at one range by Bartlett, Capon and MUSIC: probability over noise draws, and two traced spheres.
 
-Each draw has K = 2 M snapshots of M antennas. The antennas form a uniform line with a spacing of half a wavelength at 77 GHz, and the
-signal has the middle frequency of the IWR1843. The two targets have equal power and independent random phases in each snapshot, and the
-noise is white. The signal-to-noise ratio is the power of one target over the noise power of one antenna in one snapshot. The unit of
-separation is the Rayleigh width lambda / (M d) of sin(azimuth). Both targets of a draw are resolved if the two highest maxima of the
-spectrum are on different sides of the middle, each closer than half of the separation to its target. MUSIC knows the number of targets.
-
-The spheres are at rest, so that their echoes are coherent. For the spheres, the methods have the settings of `radartwin process --angle`.
+Each draw has K = 2 M snapshots of a uniform line of M antennas, half a wavelength apart. Both targets have equal power and independent
+random phases; the signal-to-noise ratio is that of one target on one antenna in one snapshot. Separations are in Rayleigh widths lambda /
+(M d) of sin(azimuth). Both targets are resolved if the two highest maxima are on different sides of the middle, each closer than half of
+the separation to its target. MUSIC knows the number of targets. The echoes of the spheres at rest are coherent.
 """
 
 from typing import Any

@@ -1,13 +1,8 @@
 """Gap attribution: how much of the difference between simulation and virtual measurement does each gap cause?
 
-A gap is one kind of difference between simulation and virtual measurement, such as wrong material labels of surfaces. Three losses of
-fidelity and recognition (experiments/gaps/coalitions.py) are computed for sets of gaps that are on. Three numbers describe each group of
-gaps. In the paper profile, the first two also describe each gap of a larger group. "Alone" is the loss that the group or gap causes if all
-other gaps are off. "Left out" is the decrease of the loss if this group or gap is switched off while all other gaps are on. "Share" is the
-Shapley value of the group (experiments/gaps/shapley.py). The Shapley values are computed without sampling, and the shares of all groups sum
-to the total loss. If a gap causes a large loss alone but its "left out" is zero, other gaps hide its effect. The claims of the gap
-attribution were written before its first run. The constants LEAST and AT_MOST were set after the first run. The quick profile takes 86
-core-seconds on a busy machine; 28 of these core-seconds set up the scanned laboratory.
+Three losses (`coalitions`) are computed for sets of gaps. "Alone" is the loss of a group of gaps if all others are off, "left out" the
+decrease if only this group is switched off, and "share" its exact Shapley value; the shares sum to the total. If a gap is large alone but
+zero left out, other gaps hide its effect. The claims were written before the first run, the constants LEAST and AT_MOST after it.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,13 +1,9 @@
 """The table `gaps`: agreement of simulation and virtual measurement with all gaps off, and the effect of each gap alone.
 
-A gap is one kind of difference between virtual measurement (testbed) and simulation, set by measured.gap. In the rows of a gap, this gap
-has strength 1 and all other gaps are off. The paper profile also uses strength 2. experiments/gaps/predictions.py predicts the effects.
-
-A table row of the paper profile is the mean over DRAWS random draws of the gap; the quick profile has one draw. The solver gap always has
-one draw, because nothing about it is random. Roughness moves power from the specular reflection to diffuse scatter, so the echo power of a
-rougher room can be higher. The turntable's motor and gear are clutter inside the target gate. In the rows of the geometry gap, the
-simulated scan contains the room's clutter, but the virtual measurements do not. The quick profile needs 270 core-seconds to simulate the
-recordings.
+In the rows of a gap, this gap has strength 1 (paper profile: also 2) and all others are off; `predictions` predicts the effects. A row of
+the paper profile is the mean over DRAWS draws. Roughness moves power from the specular reflection to diffuse scatter, so the echo of a
+rougher room can be stronger. The turntable's motor and gear are clutter inside the target gate. In the rows of the geometry gap, the scan
+contains the room's clutter, but the virtual measurements do not.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,14 +1,9 @@
 """The table `headline`: the paper's main claims, with all gaps of the testbed at several strengths.
 
-Each row is one claim, which another table judges. The judging table is computed for every strength (`profile.strengths`), or read from the
-store. The strength multiplies all settings measured.gap.NAME. If the verdicts at the strengths differ, the column `over all strengths` says
-"depends on strength".
-
-An interval over more draws is narrower, so that a verdict may depend on the number of draws. All strengths, including strength 1, are
-therefore compared with the same campaign, profile.strength_campaign. The settings profile.campaign do not change it. In the paper profile,
-it has fewer draws, distances, rooms and frames than profile.campaign, because recordings of the paper's size at two more strengths take
-about four hours on two cores. The value and the verdict of a row use profile.campaign. The
-claims are one family: their intervals have the levels of Holm's correction (`at_levels`), those of the strengths have 95 %.
+Each row is one claim, which another table judges at every strength (`profile.strengths` times all measured.gap.NAME). All strengths are
+compared with the same smaller campaign, profile.strength_campaign, because the width of an interval depends on the number of draws, and the
+paper's campaign at two more strengths takes four hours. Value and verdict of a row use profile.campaign. The claims are one family: their
+intervals have the levels of Holm's correction (`at_levels`), those of the strengths have 95 %.
 """
 
 import functools

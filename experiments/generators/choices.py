@@ -2,14 +2,10 @@
 
     python -m experiments.generators.choices            writes experiments/recognition/recognition_choices.json in about half a core-hour
 
-The recordings are those of the testbed's draw DRAW. The objects as made, rooms, radar boards and motions of this draw differ from those of
-the reported draws 0 to 9. Each candidate is trained on copies of simulated revolutions. The trained candidate classifies the measured
-revolutions of this draw in three ways, and gets an accuracy for each: without labels, by the nearest class centroid of all other
-recordings, and by the nearest class centroid of a few labelled revolutions. The script chooses the kind of copies for which the two-layer
-network has the highest mean of the first two accuracies. For this kind of copies, it chooses one learner by the first accuracy and one
-learner by the second accuracy. The script also chooses the share of labelled rows for a training on simulated and labelled rows together.
-With 48 recordings, an accuracy of 0.4 has a standard error of 0.07, so the choice between candidates of similar accuracy is uncertain. The
-output file lists the scores and the recordings. The file also contains settings that were chosen without these recordings.
+Each candidate is trained on copies of simulated revolutions, and classifies the measured revolutions of draw DRAW without labels, by the
+nearest centroid of other recordings, and by that of a few labelled revolutions. The network's mean of the first two accuracies chooses the
+kind of copies; each of them then chooses a learner. With 48 recordings, an accuracy of 0.4 has a standard error of 0.07, so the choice
+between similar candidates is uncertain. The file also contains settings that were chosen otherwise.
 """
 
 import json

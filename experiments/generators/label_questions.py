@@ -1,15 +1,11 @@
-"""Write the questions about surface materials again. The package contains recorded answers of the vision-language model to these questions.
+"""Write the questions about surface materials again, to which the package has recorded answers of the vision-language model.
 
     python -m experiments.generators.label_questions lab --out FOLDER
     python -m experiments.generators.label_questions lab --answers FILE --model NAME --about TEXT
 
-The script scans and reconstructs a room in the same way as when its answers were recorded (simulated phone scan, strength 1, seed 0). Two
-rooms are real scans: the chair, in two forms (camera frames and exported mesh), and the furnished room of `radartwin demo`. Questions and
-pictures are written as by the command `radartwin label SCENE --export`. The script prints for which share of the surface area a recorded
-answer has the same hash of question and pictures, and for which share there is a recorded answer about a surface at the same place. The
-pictures of a scan differ in single bytes between types of processors, so that the first share can be near zero on another type of processor
-than the recording one. With the option `--answers`, the script replaces the recorded answers of the room by those in a file, which has the
-format of the command `radartwin label SCENE --import`.
+The room is scanned as when its answers were recorded (strength 1, seed 0); the chair and the furnished room are real scans. The script
+prints for which share of the area a recorded answer has the same hash of question and pictures (pictures differ in single bytes between
+types of processors), or is about a surface at the same place. With `--answers`, it replaces the recorded answers.
 """
 
 import argparse

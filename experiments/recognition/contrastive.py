@@ -1,12 +1,9 @@
 """Contrastive alignment of simulated radar features with text, tested by linear classifiers (probes) on embeddings of measured recordings.
 
-The encoder (a neural network) is trained to align simulated rotation features with MiniLM text embeddings of the objects' descriptions. The
-trained encoder then embeds measured features, and a probe predicts geometry class and material class of each measured recording. Two kinds
-of probes (linear classifiers) are trained. The first is trained on all recordings except the tested one, also on those of the tested
-object; this is one interpretation of the paper. The second is trained on other objects only. Classes have equal weight in the accuracy, so
-the chance level is one over the number of classes. Paper: contrastive sim-real alignment, geometry 85 % (chance 50), material 40 % (chance
-33). An encoder trained on simulation alone is exported as a model for `radartwin classify`. The features of the exported model exclude
-brightness, because the gain of a user's radar is unknown.
+The encoder aligns simulated rotation features with MiniLM embeddings of the objects' descriptions. Probes predict geometry and material of
+each measured recording, trained on all other recordings (an interpretation of the paper) or on other objects only. Classes have equal
+weight. Paper: geometry 85 % (chance 50), material 40 % (chance 33). An encoder trained on simulation alone is exported for `radartwin
+classify`, without brightness, because the gain of a user's radar is unknown.
 """
 
 from collections import Counter

@@ -1,16 +1,9 @@
-"""Encoder comparison: which learner is most accurate after training on simulation, without labels and with a few labelled measured
-revolutions?
+"""Encoder comparison: which learner is most accurate after training on simulation, without and with a few labelled measured revolutions?
 
-All learners are trained on the same copies of simulated turntable revolutions, and classify the same measured revolutions. The two-layer
-network of the paper and gradient-boosted trees read the rotation features. The convolutional network reads pictures of a revolution. The
-two-layer network is trained towards two kinds of texts: how an object's echo varies over a revolution (as in the paper), and its looks.
-
-Without labelled measured revolutions, the class that a learner predicts is the result. With k labelled measured revolutions per class, the
-predicted class is that whose labelled revolutions have the nearest centroid in the embedding of the learner. Two further networks use the
-labels in their training: one network is trained on the labelled revolutions alone, and the other network on these revolutions and the
-simulation. Labelled revolutions come from one half of each object's recordings, and the other half is scored. The largest k depends on the
-number of revolutions of a recording (profile.campaign.turns). The probe "other recordings" uses the labels of all recordings except the one
-that it classifies. The other recordings of the same object are at other distances.
+All learners are trained on the same copies of simulated revolutions. Without labels, the class that a learner predicts counts; with k
+labels per class, the class with the nearest centroid of labelled revolutions in the embedding. Two further networks learn from the labels
+alone, and from these and the simulation. Labelled revolutions come from one half of each object's recordings, and the other half is scored.
+"other recordings" uses the labels of all recordings except the one that it classifies.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

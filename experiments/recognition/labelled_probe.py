@@ -1,16 +1,10 @@
 """Labelled probe: how much does an encoder trained on simulation alone help if the classes of some measured recordings are known?
 
-A probe classifies each measured turntable revolution by the nearest class centroid of other measured revolutions, in the space of the
-encoder's embeddings. For comparison, the same probe also classifies the features without the encoder. The difference shows how much the
-training of the encoder helps. Turntable revolutions of the same recording are nearly equal. The "other recordings" probe therefore leaves
-out all revolutions of the recording that is classified, so the remaining revolutions of the same object are at other distances. Paper
-(recognition with simulation-trained representations): 95.3 +- 1.5 % with encoder, 89.7 % with raw features and 90.1 % with an adapted
-RF-Genesis; at equal distance 95.3 % with encoder and 90.3 % with raw features. This table adds controls with shuffled class labels and
-shuffled domains, which the paper does not have. The table encoder_comparison has other learners and the accuracy with few labels.
-
-In the paper, about four objects stand at each distance and a recording has about twelve revolutions (chance at equal distance 24.8 %). The
-rows with the layout "as in the paper" use recordings with these numbers, from one draw of the testbed (profile.layout_turns). In all other
-rows, every object is recorded at every distance.
+A probe classifies each measured revolution by the nearest class centroid of other measured revolutions, among the encoder's embeddings and,
+for comparison, among the features. Revolutions of one recording are nearly equal, so "other recordings" leaves out the whole recording.
+Controls have shuffled classes and domains. Paper: 95.3 +- 1.5 % with encoder, 89.7 % with raw features, 90.1 % with an adapted RF-Genesis;
+at equal distance 95.3 % and 90.3 %. Rows with the layout "as in the paper" have about four objects at each distance and twelve revolutions
+a recording (profile.layout_turns).
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,16 +1,10 @@
 """Unlabelled adaptation: how much do unlabelled measured recordings help an encoder that is trained on simulation alone?
 
-The two-layer network classifies measured turntable revolutions without any measured class label. The methods differ in how they use the
-unlabelled measured batch (radartwin.recognize.adaptation and alignment):
-- "none" scales the measured features by the mean and the spread of the simulated features.
-- "statistics" standardises each domain by its own mean and spread, as all other tables do. This method assumes equally frequent classes.
-- "weighted statistics" gives the measured batch the mean and spread of simulated rows that are weighted by class shares. The shares are
-  estimated from the batch.
-- "continued training" trains the encoder further on simulated rows alone, as the control of the two methods below.
-- "prototypes" and "views" train the encoder further with an additional loss of the unlabelled measured rows. The loss of "prototypes" moves
-  a row towards its nearest text, with more weight for more confident rows. The loss of "views" moves the embeddings of two noisy versions
-  of a row close together.
-In the balanced batch, all classes are equally frequent. In the skewed batch, a third of the classes has a single recording.
+The two-layer network classifies measured turntable revolutions without labels. "none" scales the measured features by mean and spread of
+the simulated ones, "statistics" (as all other tables) each domain by its own, and "weighted statistics" by those of simulated rows weighted
+by estimated class shares. "continued training" trains further on simulated rows; "prototypes" and "views" add a loss that moves measured
+rows towards their nearest text, or two noisy versions of a row together. In the skewed batch, a third of the classes has a single
+recording.
 """
 
 from collections.abc import Iterator

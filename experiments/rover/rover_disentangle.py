@@ -1,14 +1,9 @@
 """Object, distance, room: which of these factors makes simulated features agree with measured features, and which makes them differ?
 
-A slice fixes two of the three factors and varies the third factor. An object slice gives the rank correlation between measured and
-simulated features over objects in one room at one distance. A distance slice gives the rank correlation between measured and simulated
-features over distances for one object in one room. A room slice gives, for one object at one distance, the share of features that change in
-the same direction between two rooms in measurement and simulation. The pooled correlation between measured and simulated features uses all
-objects and distances of a room together. The matched correlation between measured and simulated features is computed over the objects at
-each distance and then averaged. As in the paper, the table gives the pooled and the matched correlation of the feature with the highest
-value. The disagreement is the simulated minus the measured feature, each standardised over all recordings of its domain. The variance of
-the disagreement is divided among the main effects of object, distance and room, as a mean over features. Paper, disentangling object,
-distance and environment: pooled correlation about 0.8, matched correlation about 0.5; the environment factor dominates.
+A slice fixes two factors and varies the third: rank correlations over objects or distances, and the share of features that change in the
+same direction between two rooms. The pooled correlation uses all objects and distances of a room, the matched one the objects at each
+distance; as in the paper, the feature with the highest value counts. The variance of the disagreement (simulated minus measured,
+standardised) is divided among the factors. Paper: pooled about 0.8, matched about 0.5; the environment dominates.
 """
 
 from collections.abc import Callable, Iterator, Mapping

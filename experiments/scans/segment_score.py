@@ -1,14 +1,9 @@
-"""Compare the segments of a reconstructed scan with the true surfaces of the room.
+"""Compare the segments of a reconstructed scan with the true surfaces of the room, piece by piece if a surface has separate pieces.
 
-A true surface in separate pieces, such as the legs of a table, is scored piece by piece. A true surface can have several segments that lie
-mostly on it. The segment of a true surface is the segment that covers most of this surface, among all segments that lie mostly on it. A
-true surface without a segment has recall 0. Recall is the share of the seen true surface that lies in its segment. To compute the recall,
-evenly spread true points are looked up in the scan, within REACH_M and with an agreeing normal. Precision is the share of the segment that
-lies on the true surface. IoU is the area of the segment on the true surface, divided by the area of the segment plus the seen true area
-that the segment misses. A reconstruction may add areas that the sensor did not see. Added area on the true surface lowers neither precision
-nor recall. Added area off the true surface lowers the precision. The boundary error is the distance from the edges of segments to the
-nearest edge of a true surface. Depth sensors miss glass and mirrors, so these surfaces are scored separately and over their whole true
-area.
+The segment of a true surface covers most of it, among all segments that lie mostly on it. Recall is the share of the seen true surface in
+its segment (0 without one), precision the share of the segment on the surface, and IoU the area on it over the area of the segment plus the
+seen area that it misses. Area that the sensor did not see lowers the precision only if it lies off the surface. The boundary error is the
+distance from edges of segments to the nearest true edge. Glass and mirrors are scored separately over their whole area.
 """
 
 from collections.abc import Sequence

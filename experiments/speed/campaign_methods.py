@@ -1,14 +1,10 @@
 """Compare simulation methods by run time, feature error and recognition error on the turntable recordings of the campaign.
 
-The feature error compares the rotation features of a simulated revolution with their mean over the measured revolutions of the same object.
-The feature error is the root mean square of the differences over features, in standard deviations of each feature over the measured
-recordings. Before brightness is compared, one common gain is removed, which a measured corner reflector would give. Methods without an
-absolute level are therefore not at a disadvantage. The recognition error comes from a linear classifier that separates symmetric from
-asymmetric objects. The classifier uses feature ranks and is trained on simulated revolutions only; the error is the fraction of measured
-revolutions with a wrong class. The run time is in processor seconds per frame. It is the median over the recordings that reused a traced
-room, plus the longest time for tracing the room divided by the number of all frames. The recordings are simulated in worker processes, one
-at a time in each worker. The quick profile uses its own recordings. The paper profile uses the recordings of the quick profile with the
-changes LONGER.
+The feature error compares the features of a simulated revolution with their mean over measured ones of the object, as the rms over features
+in standard deviations, after one common gain is removed from brightness. The recognition error is the share of measured revolutions whose
+symmetry a linear classifier of ranks, trained on simulation, gets wrong. The run time is the median of the recordings that reused a traced
+room, plus their share of the longest set-up, in processor seconds per frame. The paper profile uses the recordings of the quick profile
+with the changes LONGER.
 """
 
 from collections.abc import Mapping, Sequence

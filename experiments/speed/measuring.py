@@ -1,12 +1,8 @@
 """Measure run time and memory of simulation methods on this machine. The repetitions of the compared methods alternate.
 
-The timing starts after all kernels are compiled. If the radar is at rest, the timed recordings reuse the room that the first recording
-traced. The additional time of the first recording is the set-up time `setup_s`, which is divided by `Problem.frames`, the number of frames
-of a whole recording. The seconds per frame are the set-up time per frame plus the median time per frame of the later recordings. A
-moving radar is timed without cached rooms. The timed methods alternate, so that a slow phase of the machine affects all methods. Seconds
-are processor seconds of all threads, including the processes of other simulators, because processor time depends little on the load of the
-machine. In addition, the table gives wall-clock seconds. If a GPU traces the rays, the table uses wall-clock seconds instead of processor
-seconds.
+The timing starts after all kernels are compiled. For a radar at rest, the additional time of the first recording is the set-up time,
+divided by the frames of a whole recording (`Problem.frames`); a moving radar is timed without cached rooms. Seconds are processor seconds
+of all threads and of other simulators' processes, because they depend little on the load; on a GPU they are wall-clock seconds.
 """
 
 import gc

@@ -1,16 +1,9 @@
-"""Test problems on which simulation methods are compared. A test problem has a scene, a motion, and an exact or converged reference signal.
+"""Test problems on which simulation methods are compared: scene, motion, and an exact or converged reference signal.
 
-- `canonical`: a plate, a sphere, a cylinder and a trihedral of metal at 1 m; the reference is quadrature or a series.
-- `near`: a 15 cm trihedral at 0.5 m, where its echo is 25 dB below the far-field value; the reference is quadrature.
-- `empty room`: an empty concrete office with a moving radar; the reference is the sum of all image sources of up to four bounces.
-- `object in room`: a metal box that turns before a metal alcove; the reference is the full-wave field (method of moments).
-- `furnished drive`: a radar that drives through three furnished metal rooms; the reference is the full-wave field (method of moments).
-
-The references exist for a single isotropic element that transmits and receives. Errors are therefore computed with a single isotropic
-element, and run times are measured with the whole antenna array. The full-wave fields are fields of two-dimensional scenes at every fourth
-sample of a chirp. The conversion of these fields to the three-dimensional scenes has a signal error of 0.004. The references lack the waves
-from the top and bottom edges of the surfaces. The walls are 3.2 m high. The box is 0.8 m high, and its top and bottom edges change the
-signal by 0.02.
+The problems are metal targets (`canonical`, `near`), an empty office (`empty room`), a turning box in an alcove (`object in room`) and a
+drive through furnished metal rooms (`furnished drive`). Errors are computed with a single isotropic element, run times with the whole
+array. The full-wave fields are those of two-dimensional scenes at every fourth sample; their conversion to three dimensions has a signal
+error of 0.004, and they lack the waves from top and bottom edges (0.02 for the box).
 """
 
 from collections.abc import Callable, Mapping, Sequence

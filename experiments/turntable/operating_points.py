@@ -1,19 +1,10 @@
 """Operating points: where do the paper's figures of the environment ablation occur together, if the target is weaker or stronger?
 
-In the paper, at 2 m, about 75 % of the energy lies beyond the target. The correlation with the measured range profile is -0.24 without the
-room (void) and +0.42 with the room. In the virtual measurements, a smaller share of the energy lies beyond the target. An operating point
-is a choice of six conditions:
-
-- the leg of the corner reflector, whose echo grows with the fourth power of the leg; measurement and both simulations have this reflector,
-- whether the measuring antennas have side and back lobes,
-- the energy of static echoes that the scan does not know, over the energy of the room (gap `unscanned_echoes`),
-- the average over frames (AVERAGES of experiments.campaign.columns), which the paper calls "time-averaged",
-- the window of the correlated range profiles: all ranges, or 1 m in front of and behind the target,
-- the scale of the correlated profiles: amplitude or decibels.
-
-The ratio of target to room is the energy in the target gate over the energy behind the gate, in the measured profile. Placement, start
-angle and person are drawn anew for every recording, so that the ratio does not depend on the leg alone. The acceptance limits `LIMITS` were
-written before the first score. A point is accepted if the means of all three figures over the recordings are inside the limits.
+At 2 m, the paper has about 75 % of the energy beyond the target, and correlations of -0.24 (void) and +0.42 (room). An operating point is a
+choice of the reflector's leg, of the measuring antennas' side and back lobes, of the energy of static echoes that the scan does not know
+over that of the room (gap `unscanned_echoes`), of the average over frames (AVERAGES of experiments.campaign.columns), and of window and
+scale of the correlated profiles. The acceptance limits `LIMITS` were written before the first score; a point is accepted if the means of
+all three figures are inside.
 """
 
 import itertools

@@ -1,12 +1,9 @@
 """Shape: do objects differ in the modulation of their echo over a revolution in the same way in simulation and measurement?
 
-The table compares the harmonic ratio of each object between measurement and simulation, and the ranking of the objects by this ratio
-(Spearman). The harmonic ratio is the power of harmonics 1 to 6 of the echo's modulation over a revolution, relative to harmonic 0. The
-table also compares the distances between objects in the space of all rotation features except brightness (Mantel test), and the
-range-Doppler signatures of a revolution. The signature of a measured object is compared by SSIM with the simulation of the same object and
-of other objects. Further rows give the change of the corner reflector's harmonic ratio with distance. The corresponding sections of the
-paper are "disentangled fidelity, shape" and "turntable fidelity". An object counts as cleanly localised if the strongest echo over all
-ranges lies in the target gate in at least half of its measured recordings; the paper gives no criterion.
+The table compares the harmonic ratio of each object (power of harmonics 1 to 6 over harmonic 0) and its order over objects, the distances
+between objects in the space of all rotation features except brightness (Mantel test), and the range-Doppler signatures (SSIM), and gives
+the change of the reflector's ratio with distance. An object is cleanly localised if its strongest echo lies in the target gate in half of
+its measured recordings or more; the paper gives no criterion.
 """
 
 from collections.abc import Iterator

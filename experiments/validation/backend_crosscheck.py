@@ -1,17 +1,12 @@
 """Compare the specular paths of RadarTwin's tracer with Sionna RT and with exact image sources, path by path, in procedural rooms.
 
-Sionna RT and the image sources treat every wall as an infinite mirror, so levels are judged only for paths with a clear first Fresnel zone.
-The image sources are those of the room's six planes and contain no furniture. An echo from a corner of m walls is the sum over the orders
-in which a path can hit the walls. Paths with equal directions and length are therefore added before the comparison. Sionna RT searches
-paths from a point back to the same point ("co-located"). In the co-located case, Sionna RT misses corners, because the mirror points of a
-corner lie on edges. If the receiver is moved aside by APART_M ("apart"), Sionna RT finds one order of walls for each corner. In the
-co-located case, the compared path lengths are those that Sionna returns in single precision. In the apart case, only the facets that
-Sionna's paths hit are used. The length of each path is computed again, with transmitter and receiver at one point.
+The references treat every wall as an infinite mirror, so levels are judged only for paths with a clear first Fresnel zone. The image
+sources are those of the room's six planes. Paths into a corner of m walls, one for each order of the walls, are added before the
+comparison. Sionna RT from a point back to the same point ("co-located") misses corners, whose mirror points lie on edges; with the receiver
+APART_M aside ("apart") it finds one order of walls for each corner, and the length is computed again for a single point.
 
-The matching tolerances of `path_match` are wider than the errors of the compared methods and narrower than the differences between paths.
-RadarTwin traces paths that reflect at small or curved surfaces by ray tubes, so these paths are counted separately. The metric
-"share of ours it has" is the fraction of RadarTwin's strong image paths that the reference also finds. A path is strong if its level is
-within DYNAMIC_DB of the strongest path.
+The tolerances of `path_match` are wider than the errors of the methods and narrower than the differences between paths. Paths over small or
+curved surfaces, which RadarTwin traces by ray tubes, are counted separately. Only paths within DYNAMIC_DB of the strongest count.
 """
 
 from collections.abc import Callable

@@ -1,14 +1,9 @@
 """Image sources of a furnished rectangular room: every wall has its own materials, and the furniture is an obstacle.
 
-The six planes that bound a room's surfaces form a box, whose images `box.images` lists. The straight path from the sensor to each image
-source is folded back into the room. Where the path crosses a plane, the triangle at this point gives the surface that reflects. If there
-is no triangle at this point, the path leaves the room through an opening and is dropped. Each straight segment of a path is tested against
-every obstacle, that is, every triangle outside the six planes. Reflection coefficients come from `stack`, and the roughness loss from W.
-Ament, Proc. IRE 41 (1953) 142. A path into a corner hits several planes at the same point; the possible orders of these planes are
-weighted by `box.orders`.
-
-The amplitude of an image is correct only if the first Fresnel zone of the path hits the same walls and no obstacle. To test the first
-Fresnel zone, the module follows lines around the path at the edge of the zone.
+The straight path to each image of the six planes (`box.images`) is folded back into the room. Where it crosses a plane, the triangle there
+reflects; without one, the path leaves through an opening. Segments are tested against every other triangle. Reflection comes from `stack`,
+the roughness loss from W. Ament, Proc. IRE 41 (1953) 142, and orders of planes in a corner are weighted by `box.orders`. The amplitude is
+correct only if lines around the path, at the edge of the first Fresnel zone, hit the same walls and no obstacle.
 """
 
 import itertools
