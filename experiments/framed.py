@@ -28,7 +28,7 @@ def framed(
     query: Callable[[Config], Query] | Mapping[str, Any],
     cells: Callable[..., Iterable[Cell]],
     figures: Callable[[list[Row], Frame], Figures] | Mapping[str, Callable[[Frame], Figure]],
-    metrics: Callable[[list[Row]], Mapping[str, float]],
+    metrics: Callable[[list[Row]], Mapping[str, float]] | Mapping[str, Mapping[str, Any]],
     *,
     copied: bool = False,
     exact: Callable[[Row], bool] = lambda row: True,
@@ -41,6 +41,7 @@ def framed(
         query: returns the recordings of the table, or the arguments of `Query`.
         cells: (configuration, frame) -> cells of one draw; with `copied`, the function that makes copies is the second argument.
         figures: of the rows and the frame of the first draw, or by name the functions that draw this frame.
+        metrics: of the rows, or by name, which is filled with the columns of a row, the columns that the row must have.
         exact: argument of `cells.table_rows`. listed: chooses the rows that the table prints.
         named: whether the result lists only the recordings that rows name.
     """
@@ -48,11 +49,17 @@ def framed(
     def asked(config: Config) -> Query:
         return Query(config, **query) if isinstance(query, Mapping) else query(config)
 
+    def measured(rows: list[Row]) -> Mapping[str, float]:
+        if not isinstance(metrics, Mapping):
+            return metrics(rows)
+        kept = [(name, row) for name, has in metrics.items() for row in rows if all(row.get(key) == value for key, value in has.items())]
+        return {name.format_map(row): row["value"] for name, row in kept}
+
     def score(config: Config, frame: Frame, *more: Any) -> Result:
         rows, first = table_rows(config, frame, partial(cells, config, *more), exact), first_draw(frame)
         used = sorted(frozenset().union(*(row.recordings for row in rows))) if named else keys(frame)
         drawn = {name: partial(draw, first) for name, draw in figures.items()} if isinstance(figures, Mapping) else figures(rows, first)
-        return Result(table.name, [*filter(listed, rows)], drawn, metrics(rows), used)
+        return Result(table.name, [*filter(listed, rows)], drawn, measured(rows), used)
 
     def run(config: Config, store: Store, progress: Progress) -> Result:
         recordings = asked(config)

@@ -17,7 +17,7 @@ from experiments.drawing import Figure, legend_above
 from experiments.framed import framed
 from experiments.recognition.readings import MOTION, reflector
 from experiments.statistics import clustered, difference, exact
-from experiments.verdicts import NONE, Claim, Row, within
+from experiments.verdicts import NONE, Claim, within
 from radartwin.config.config import Config
 from radartwin.features.families import BRIGHTNESS
 from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
@@ -98,10 +98,6 @@ def _figure(scored: Frame) -> Figure:
     return drawing
 
 
-def _metrics(rows: list[Row]) -> dict[str, float]:
-    after = [row for row in rows if row["metric"] == ERROR and row["method"] == AFTER]
-    return {f"residual_db_{row['materials'].replace(' ', '_')}": row["value"] for row in after}
-
-
 FIGURES = {TABLE.name: lambda first: _figure(errors(first))}
-run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, FIGURES, _metrics, named=True)
+METRICS = {"residual_db_{materials}": {"metric": ERROR, "method": AFTER}}
+run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, FIGURES, METRICS, named=True)

@@ -65,11 +65,14 @@ def bars(groups: Mapping[str, Mapping[str, Row]], ylabel: str, title: str = "", 
     return drawing
 
 
-def accuracy_figures(name: str, group: str, grey: str) -> Callable[[Sequence[Any], Any], dict[str, Callable[[], Figure]]]:
-    """Return the function that gives two figures of a table: bars of accuracy, grouped by a column, and confusion matrices."""
-    return lambda rows, first: {
-        name: lambda: bars(grouped(rows, group), "accuracy", grey=grey), f"{name}_confusion": lambda: confusions(rows),
-    }  # fmt: skip
+def accuracy_bars(name: str, group: str, bar: str = "method", grey: str = "", confusion: bool = False) -> tuple[Any, Any]:
+    """Return figures and metrics of a table for `framed`: bars of accuracy, grouped by a column, and confusion matrices if asked for."""
+
+    def figures(rows: Sequence[Any], first: Any) -> dict[str, Callable[[], Figure]]:
+        drawn = {name: lambda: bars(grouped(rows, group, bar), "accuracy", grey=grey)}
+        return drawn | ({f"{name}_confusion": lambda: confusions(rows)} if confusion else {})
+
+    return figures, lambda rows: values(grouped(rows, group, bar))
 
 
 def confusions(rows: Iterable[Any]) -> Figure:

@@ -12,13 +12,12 @@ from dataclasses import fields, replace
 from experiments.campaign.campaign import Call
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell
-from experiments.framed import Figures, framed
+from experiments.framed import framed
 from experiments.recognition import copies
 from experiments.recognition.copies import Copied
-from experiments.recognition.plots import bars, grouped, values
+from experiments.recognition.plots import accuracy_bars
 from experiments.recognition.protocol import compared_trainings
 from experiments.recognition.readings import TURNTABLE, revolutions
-from experiments.verdicts import Row
 from radartwin.config.config import Config
 from radartwin.config.study import RandomiseConfig
 from radartwin.runs.experiment import Table
@@ -58,13 +57,4 @@ def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
     return compared_trainings(config, frame, "copies", trained, {NOISE_ONLY: "drawing all quantities helps"})
 
 
-def _metrics(rows: list[Row]) -> dict[str, float]:
-    groups = grouped(rows, "copies", "probe")
-    return values({kind: groups[kind] for kind in (ALL, NOISE_ONLY)})
-
-
-def _figures(rows: list[Row], first: Frame) -> Figures:
-    return {TABLE.name: lambda: bars(grouped(rows, "copies", "probe"), "accuracy")}
-
-
-run, recordings, score = framed(TABLE, TURNTABLE, cells, _figures, _metrics, copied=True)
+run, recordings, score = framed(TABLE, TURNTABLE, cells, *accuracy_bars(TABLE.name, "copies", "probe"), copied=True)

@@ -17,7 +17,7 @@ from experiments.cells import Cell
 from experiments.draws import Part, Query
 from experiments.framed import framed
 from experiments.recognition import transfer
-from experiments.recognition.plots import accuracy_figures, grouped, values
+from experiments.recognition.plots import accuracy_bars
 from experiments.recognition.protocol import FLOOR_ONLY, SHAPE, Scored, correct, sign_test, statistics_columns
 from experiments.recognition.readings import by_side
 from experiments.statistics import share
@@ -102,6 +102,4 @@ def _paired(frame: Frame, hits: Mapping[str, NDArray], objects: NDArray) -> Iter
     yield Cell(case, "share of seeds in which it leads", frame, share(float(np.sum(leads)), len(leads)), Claim(paper="1.0"), len(leads))
 
 
-run, recordings, score = framed(
-    TABLE, query, cells, accuracy_figures(TABLE.name, "classes", VOID), lambda rows: values(grouped(rows, "classes"))
-)
+run, recordings, score = framed(TABLE, query, cells, *accuracy_bars(TABLE.name, "classes", grey=VOID, confusion=True))

@@ -11,18 +11,17 @@ simulation at a time:
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 from experiments.campaign.campaign import Call
 from experiments.campaign.cases import TWIN
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell
 from experiments.draws import Part, Query
-from experiments.framed import Figures, framed
+from experiments.framed import framed
 from experiments.recognition import copies
 from experiments.recognition.copies import Copied
 from experiments.recognition.labelled_probe import RIVAL, rf_genesis
-from experiments.recognition.plots import bars, grouped, values
+from experiments.recognition.plots import accuracy_bars
 from experiments.recognition.protocol import TEXT, compared_trainings
 from experiments.recognition.readings import MOTION, by_side, revolutions, without
 from experiments.verdicts import Row
@@ -73,17 +72,10 @@ def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
     return compared_trainings(config, of, "simulation", [rows[name] for name in (EVERYTHING, *HELPS)], HELPS)
 
 
-def _groups(rows: list[Row]) -> dict[str, dict[str, Any]]:
-    return grouped(rows, "probe", "simulation")
-
-
-def _figures(rows: list[Row], first: Frame) -> Figures:
-    return {TABLE.name: lambda: bars(_groups(rows), "accuracy", grey=RIVAL)}
-
-
 def _listed(row: Row) -> bool:
     """Leave out the rows of other tables: encoder_comparison and labelled_probe have the whole simulation, the latter also the rival."""
     return row["simulation"] != EVERYTHING and (row["probe"] == TEXT or RIVAL not in row["simulation"])
 
 
-run, recordings, score = framed(TABLE, query, cells, _figures, lambda rows: values(_groups(rows)), copied=True, listed=_listed)
+PLOTS = accuracy_bars(TABLE.name, "probe", "simulation", RIVAL)
+run, recordings, score = framed(TABLE, query, cells, *PLOTS, copied=True, listed=_listed)

@@ -15,7 +15,7 @@ from experiments.draws import Query
 from experiments.framed import framed
 from experiments.recognition import protocol
 from experiments.recognition.copies import Copied
-from experiments.recognition.plots import accuracy_figures, grouped, values
+from experiments.recognition.plots import accuracy_bars
 from experiments.recognition.protocol import GEOMETRY, MATERIAL, Scored, correct, settings
 from experiments.recognition.readings import MOTION, revolutions
 from experiments.recognition.transfer import ranked
@@ -65,6 +65,4 @@ def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
     yield Scored(config, split.test, frame, chance).accuracy(case, correct(names, split.test.label), claim, panel=panel)
 
 
-run, recordings, score = framed(
-    TABLE, query, cells, accuracy_figures(TABLE.name, "attribute", RANKS), lambda rows: values(grouped(rows, "attribute")), copied=True
-)
+run, recordings, score = framed(TABLE, query, cells, *accuracy_bars(TABLE.name, "attribute", grey=RANKS, confusion=True), copied=True)

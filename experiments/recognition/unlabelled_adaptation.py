@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell
-from experiments.framed import Figures, framed
+from experiments.framed import framed
 from experiments.recognition.copies import Copied
-from experiments.recognition.plots import bars, grouped, values
+from experiments.recognition.plots import accuracy_bars
 from experiments.recognition.protocol import Scored, anchors, scaled, seeds, settings
 from experiments.recognition.readings import TURNTABLE, revolutions
-from experiments.verdicts import Claim, Row
+from experiments.verdicts import Claim
 from radartwin.config.config import Config
 from radartwin.recognize.adaptation import skewed, weighted_statistics
 from radartwin.recognize.continued_training import Alignment, align
@@ -100,8 +100,4 @@ def _predict(
     return nearest_text(encoder, adapted.unlabelled(), texts, encoder_settings.temperature)
 
 
-def _figures(rows: list[Row], first: Frame) -> Figures:
-    return {TABLE.name: lambda: bars(grouped(rows, "batch"), "accuracy", grey=NONE)}
-
-
-run, recordings, score = framed(TABLE, TURNTABLE, cells, _figures, lambda rows: values(grouped(rows, "batch")), copied=True)
+run, recordings, score = framed(TABLE, TURNTABLE, cells, *accuracy_bars(TABLE.name, "batch", grey=NONE), copied=True)

@@ -21,7 +21,7 @@ from experiments.drawing import Figure
 from experiments.framed import framed
 from experiments.rover.rover_fidelity import WHERE
 from experiments.statistics import POSITIVE, SHARE, SIGNED
-from experiments.verdicts import NONE, Claim, Row
+from experiments.verdicts import NONE, Claim
 from radartwin.config.config import Config
 from radartwin.features import cloud
 from radartwin.features.profile import FAR_M, NEAR_M
@@ -115,8 +115,4 @@ def _figure(frame: Frame) -> Figure:
     return drawing
 
 
-def _metrics(rows: list[Row]) -> dict[str, float]:
-    return {f"found_{r['room']}_{r['motion']}": r["value"] for r in rows if r["metric"] == GAIN}
-
-
-run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, {TABLE.name: _figure}, _metrics)
+run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, {TABLE.name: _figure}, {"found_{room}_{motion}": {"metric": GAIN}})

@@ -23,7 +23,7 @@ from experiments.cells import Cell, mean, paired, per, using
 from experiments.framed import framed
 from experiments.rover.figures import correlation_figure, panels_figure
 from experiments.statistics import Estimate
-from experiments.verdicts import NONE, Claim, Row
+from experiments.verdicts import NONE, Claim
 from radartwin.config.config import Config
 from radartwin.errors import InputError
 from radartwin.features.align import overlap, start_offset
@@ -235,11 +235,5 @@ def _ratio(pairs: NDArray, resamples: int, seed: int) -> Estimate:
 
 
 FIGURES = {"rover_panels": panels_figure, "rover_feature_correlations": lambda first: correlation_figure(agreements(first))}
-
-
-def _metrics(rows: list[Row]) -> dict[str, float]:
-    shares = [r for r in rows if r["metric"] == "share of features that order objects alike"]
-    return {f"share_alike_{r['room']}_{r['motion']}": r["value"] for r in shares}
-
-
-run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, FIGURES, _metrics)
+METRICS = {"share_alike_{room}_{motion}": {"metric": "share of features that order objects alike"}}
+run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, FIGURES, METRICS)

@@ -72,8 +72,8 @@ def seconds(call: Callable[[], Any]) -> tuple[float, Any]:
     return time.process_time() - began, result
 
 
-def driven(surfaces: int, bounces: int) -> dict[str, float]:
-    """Return the processor seconds of set-up and of a frame of a radar that drives through a flat of rooms."""
+def driven(size: int, surfaces: int, bounces: int) -> dict[str, tuple[float, float]]:
+    """Return {part of the run time: (size, processor seconds)} of a radar that drives through a flat of rooms."""
     variant.activate("auto")
     radar, (scene, place) = Radar.iwr1843(), flat(surfaces)
     poses = np.array([trajectory.pose(place + np.array([x, 0.0, 0.0])) for x in np.linspace(0.0, DRIVE_M, FRAMES)])
@@ -84,17 +84,7 @@ def driven(surfaces: int, bounces: int) -> dict[str, float]:
 
     setup_s, (static, searched) = seconds(prepared)
     whole_s, _ = seconds(lambda: static.room_paths(poses, radar, bounces, PRUNE, searched))
-    return {"set-up": setup_s, "frame": whole_s / FRAMES}
-
-
-def of_surfaces(count: int) -> dict[str, tuple[float, float]]:
-    """Return {part of the run time: (size, processor seconds)} for an apartment with `count` surfaces, which are the size."""
-    return {part: (count, spent) for part, spent in driven(count, ROOM_BOUNCES).items()}
-
-
-def of_bounces(count: int) -> dict[str, tuple[float, float]]:
-    """Return {part of the run time: (size, processor seconds)} for paths of at most `count` reflections, which are the size."""
-    return {part: (count, spent) for part, spent in driven(ROOM, count).items()}
+    return {"set-up": (size, setup_s), "frame": (size, whole_s / FRAMES)}
 
 
 def of_frames(count: int) -> dict[str, tuple[float, float]]:
@@ -131,8 +121,14 @@ def of_channels(step: int) -> dict[str, tuple[float, float]]:
 
 
 SWEEPS = (
-    Sweep("surfaces", of_surfaces, (10, 30, 100, 300), (10, 30, 100, 300, 1000, 3000, 10_000), {"set-up": 1.0, "frame": 0.5}),
-    Sweep("bounces", of_bounces, (1, 2, 3, 4, 5), (1, 2, 3, 4, 5, 6), {"set-up": 3.0, "frame": 3.0}),
+    Sweep(
+        "surfaces",
+        lambda n: driven(n, n, ROOM_BOUNCES),
+        (10, 30, 100, 300),
+        (10, 30, 100, 300, 1000, 3000, 10_000),
+        {"set-up": 1.0, "frame": 0.5},
+    ),
+    Sweep("bounces", lambda n: driven(n, ROOM, n), (1, 2, 3, 4, 5), (1, 2, 3, 4, 5, 6), {"set-up": 3.0, "frame": 3.0}),
     Sweep("frames", of_frames, (10, 30, 100, 300, 1000), (10, 30, 100, 300, 1000, 3000, 10_000), {"simulation": 1.05}),
     Sweep("tubes", of_tubes, (0, 1, 2, 3), (0, 1, 2, 3, 4), {"tracing": 1.05}),
     Sweep("channels", of_channels, (0, 1, 2, 3, 4), (0, 1, 2, 3, 4), {"simulation": 1.05}),

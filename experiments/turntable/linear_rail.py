@@ -19,7 +19,7 @@ from experiments.campaign.frame import Frame
 from experiments.cells import Cell, mean, paired
 from experiments.drawing import DOMAIN_STYLES, Figure, legend_above
 from experiments.framed import framed
-from experiments.verdicts import BELOW, NONE, Claim, Row, within
+from experiments.verdicts import BELOW, NONE, Claim, within
 from radartwin.config.config import Config
 from radartwin.features import peak_track
 from radartwin.features.align import overlap
@@ -92,9 +92,8 @@ def _time_s(recording: Any) -> NDArray[np.float64]:
     return np.arange(len(recording.nominal_m)) / recording.frame_rate_hz
 
 
-def _metrics(rows: list[Row]) -> dict[str, float]:
-    kept = [r for r in rows if r["tracker"] == "continuous" and r["metric"] in ("excursion (m)", "shape correlation")]
-    return {f"{r['metric'].split(' (')[0].replace(' ', '_')}_{r['motion']}_{r['of']}": r["value"] for r in kept}
-
-
-run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, {TABLE.name: _figure}, _metrics)
+METRICS = {
+    "excursion_{motion}_{of}": {"metric": "excursion (m)", "tracker": "continuous"},
+    "shape_correlation_{motion}_{of}": {"metric": "shape correlation", "tracker": "continuous"},
+}
+run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, {TABLE.name: _figure}, METRICS)

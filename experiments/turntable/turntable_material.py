@@ -15,7 +15,7 @@ from experiments.campaign.frame import Frame
 from experiments.cells import Cell, difference, gap, mean, per
 from experiments.drawing import DOMAIN_STYLES, Figure, legend_above, panels_width_in
 from experiments.framed import framed
-from experiments.verdicts import BELOW, NONE, Claim, Row
+from experiments.verdicts import BELOW, NONE, Claim
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features.families import BRIGHTNESS
@@ -94,9 +94,5 @@ def _figure(frame: Frame) -> Figure:
     return drawing
 
 
-def _metrics(rows: list[Row]) -> dict[str, float]:
-    contrasts = [r for r in rows if r["metric"] == "metal less plastic (dB)" and not r.get("twin")]
-    return {f"metal_less_plastic_{r['of']}_{r['distance_m']:g}m_db": r["value"] for r in contrasts}
-
-
-run, recordings, score = framed(TABLE, {"motions": MOTIONS, "unknown": True}, cells, {"turntable_brightness": _figure}, _metrics)
+METRICS = {"metal_less_plastic_{of}_{distance_m:g}m_db": {"metric": "metal less plastic (dB)", "twin": None}}
+run, recordings, score = framed(TABLE, {"motions": MOTIONS, "unknown": True}, cells, {"turntable_brightness": _figure}, METRICS)

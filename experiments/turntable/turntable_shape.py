@@ -19,7 +19,7 @@ from experiments.drawing import DOMAIN_STYLES, Figure, legend_above
 from experiments.framed import framed
 from experiments.statistics import Estimate
 from experiments.turntable.facet_ripple import ripple_rows
-from experiments.verdicts import BELOW, NONE, Claim, Row
+from experiments.verdicts import BELOW, NONE, Claim
 from radartwin.config.config import Config
 from radartwin.errors import InputError
 from radartwin.io.progress import Progress
@@ -193,13 +193,14 @@ def _ranking_figure(frame: Frame) -> Figure:
     return drawing
 
 
-def _metrics(rows: list[Row]) -> dict[str, float]:
-    headline = {"order of objects": "spearman", "distances between objects": "mantel_r", "signatures": "ssim_mean"}
-    return {headline[r["metric"]]: r["value"] for r in rows if r["metric"] in headline and r["case"] == "all objects"}
-
-
+ALL = "all objects"
+METRICS = {
+    "spearman": {"metric": "order of objects", "case": ALL},
+    "mantel_r": {"metric": "distances between objects", "case": ALL},
+    "ssim_mean": {"metric": "signatures", "case": ALL},
+}
 FIGURES = {"turntable_ssim": lambda first: _ssim_figure(similarity(first)), "turntable_ranking": _ranking_figure}
-_run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, FIGURES, _metrics)
+_run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, FIGURES, METRICS)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:

@@ -19,7 +19,7 @@ from experiments.drawing import DOMAIN_STYLES, Figure, legend_above, panels_widt
 from experiments.framed import framed
 from experiments.statistics import Estimate
 from experiments.turntable.turntable_shape import is_can
-from experiments.verdicts import EQUAL, NONE, Claim, Row
+from experiments.verdicts import EQUAL, NONE, Claim
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features.families import BRIGHTNESS
@@ -97,8 +97,5 @@ def _figure(frame: Frame) -> Figure:
     return drawing
 
 
-def _metrics(rows: list[Row]) -> dict[str, float]:
-    return {f"order_by_height_{r['of']}": r["value"] for r in rows if r["metric"] == "order by height" and r["distance_m"] is None}
-
-
-run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, {TABLE.name: _figure}, _metrics, named=True)
+METRICS = {"order_by_height_{of}": {"metric": "order by height", "distance_m": None}}
+run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, {TABLE.name: _figure}, METRICS, named=True)
