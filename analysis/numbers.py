@@ -45,7 +45,9 @@ def missing(text: str, known: dict[str, set[float]]) -> list[Number]:
             bare = LEFT_OUT.sub(lambda match: " " * len(match.group()), line)
             intervals = [match.span() for match in INTERVAL.finditer(bare)]
             for match in NUMBER.finditer(bare):
-                if not _held(match.group(1), bool(match.group(2)), values):
+                wanted, scales = float(match.group(1).replace(",", "")), (1, 100) if match.group(2) else (1,)
+                half = 0.501 * 10.0 ** -len(match.group(1).partition(".")[2])
+                if not any(abs(value * scale - wanted) <= half for value in values for scale in scales):
                     strict = line.startswith("|") or any(low <= match.start() < high for low, high in intervals)
                     numbers.append(Number(at, match.group().strip(), line.strip(), strict))
     return numbers
@@ -57,12 +59,6 @@ def _values(cell: str) -> list[float]:
         return [float(cell)]
     except ValueError:
         return [float(text.replace(",", "")) for text, _ in NUMBER.findall(re.sub(r"(?<=\d)-(?=\d)", " ", cell))]
-
-
-def _held(text: str, percent: bool, values: set[float]) -> bool:
-    wanted, decimals = float(text.replace(",", "")), len(text.partition(".")[2])
-    half = 0.501 * 10.0**-decimals
-    return any(abs(value * scale - wanted) <= half for value in values for scale in ((1, 100) if percent else (1,)))
 
 
 def _sections(text: str) -> Iterator[tuple[int, list[str]]]:

@@ -404,7 +404,11 @@ def over_draws(estimates: Sequence[Estimate], resamples: int, seed: int) -> Esti
     value, (forward, back) = float(values.mean()), SCALES[first.scale]
     values = forward(values)
     wide = np.array([_tail(e.degrees) for e in estimates])
-    samples = (forward(np.stack([_samples(e, normal) for e in estimates])) - values[:, None]) / wide[:, None]
+    drawn = [  # the bootstrap samples, or `normal` scaled to the width of the interval
+        np.resize(np.asarray(e.drawn, np.float64), resamples) if e.drawn is not None
+        else e.value + normal * np.where(normal > 0, e.high - e.value, e.value - e.low) / 1.96 for e in estimates
+    ]  # fmt: skip
+    samples = (forward(np.stack(drawn)) - values[:, None]) / wide[:, None]
     index = rng.integers(draws, size=(draws, resamples))
     inner = samples[index, np.arange(resamples)].mean(axis=0)
     between = math.sqrt(draws / (draws - 1)) * (values[index].mean(axis=0) - values.mean())
@@ -420,13 +424,6 @@ def over_draws(estimates: Sequence[Estimate], resamples: int, seed: int) -> Esti
     samples = back(forward(value) + _tail(freedom) * (inner + between))
     joined = resampled(value, np.clip(samples, *first.limits), draws if single else items, first.limits)
     return replace(joined, freedom=freedom, scale=first.scale, unit="draws" if single else f"draws and {first.unit}")
-
-
-def _samples(estimate: Estimate, normal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the bootstrap samples (resamples,) of an estimate, or `normal` scaled to the width of its interval."""
-    if estimate.drawn is not None:
-        return np.resize(np.asarray(estimate.drawn, np.float64), len(normal))
-    return estimate.value + normal * np.where(normal > 0, estimate.high - estimate.value, estimate.value - estimate.low) / 1.96
 
 
 def ssim(first: NDArray, second: NDArray) -> float:

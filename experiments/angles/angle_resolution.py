@@ -71,8 +71,10 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
             curves[antennas, snr_db, method] = estimates
     recording, true_rad = spheres(config.seed)
     for method in METHODS:
+        peaks_rad = detect(recording.iq, RADAR, angle=method).azimuth_rad
+        worst_rad = np.abs(peaks_rad[:, None] - true_rad).min(axis=0).max()  # distance of the worse sphere from the nearest peak
         case = {"antennas": 8, "snapshots": FRAMES, "snr_db": None, "method": method, "separation": SPHERES}
-        rows.add(case, ERROR, statistics.exact(sphere_error_deg(recording, true_rad, method), 1), [])
+        rows.add(case, ERROR, statistics.exact(float(np.degrees(worst_rad)), 1), [])
     for row in rows:
         row["domain"] = "simulation" if row["metric"] == ERROR else "noise draws"
     metrics = {f"half_{r['antennas']}_{r['snr_db']:g}_{r['method']}": r["value"] for r in rows if r["metric"] == HALF}
@@ -132,12 +134,6 @@ def spheres(seed: int) -> tuple[Any, np.ndarray]:
     motion = {f"sphere{n}": np.repeat(trajectory.pose(place)[None], FRAMES, axis=0) for n, place in enumerate(places)}
     scene = Scene([Surface(objects.sphere(0.03), "metal", name) for name in motion])
     return simulate(scene, RADAR, np.eye(4), motion=motion, noise=True, seed=seed), azimuth_rad
-
-
-def sphere_error_deg(recording: Any, true_rad: np.ndarray, method: str) -> float:
-    """Return the error in azimuth of the worse sphere in degrees. The error of a sphere is its distance from the nearest detected peak."""
-    peaks_rad = detect(recording.iq, RADAR, angle=method).azimuth_rad
-    return float(np.degrees(np.abs(peaks_rad[:, None] - true_rad).min(axis=0).max()))
 
 
 def drawing(curves: dict, recording: Any, true_rad: np.ndarray) -> Figure:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -161,9 +161,14 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     if sufficient and np.median([timing.ratio(of[DEFAULT], of[fixed.model]) for of in seconds.values()]) < 1:
         fixed = Choice(DEFAULT, *max(requirement.error(DEFAULT) for requirement in requirements), ())
     pairs = list(zip(requirements, alone, strict=True))
-    results = [
-        _case_result(requirement, choice, fixed.model, seconds[requirement.name]) for requirement, choice in progress.over(pairs, "errors")
-    ]
+    results = []
+    for requirement, choice in progress.over(pairs, "errors"):
+        models = {AUTO: choice.model, FIXED: fixed.model, SHIPPED: DEFAULT}
+        errors, between = ({who: requirement.error(model, held) for who, model in models.items()} for held in (False, True))
+        layers = requirement.error(replace(DEFAULT, layered=False))
+        choosing_s = sum(requirement.kept.cost.get(model, 0.0) for model in {FINEST, *examined(choice)})
+        by_model = {who: seconds[requirement.name][model] for who, model in models.items()}
+        results.append(CaseResult(requirement.name, requirement.words, choice, models, errors, between, layers, by_model, choosing_s))
     rows = table(config, results, fixed)
     claimed = [r for r in rows if r["claim"] and r["value"] is not None]
     # a metric name may contain only the characters in this pattern
@@ -224,15 +229,6 @@ def staged_case(case: Case, config: Config) -> ProbeOf:
         return thinned(room, kept, radar, nominal.sensor_poses, motion, nominal, (), config.simulator.variant, count, between)
 
     return probe_of
-
-
-def _case_result(requirement: Requirement, choice: Choice, fixed: Model, seconds: Mapping[Model, list[float]]) -> CaseResult:
-    models = {AUTO: choice.model, FIXED: fixed, SHIPPED: DEFAULT}
-    errors, between = ({who: requirement.error(model, held) for who, model in models.items()} for held in (False, True))
-    layers = requirement.error(replace(DEFAULT, layered=False))
-    choosing_s = sum(requirement.kept.cost.get(model, 0.0) for model in {FINEST, *examined(choice)})
-    by_model = {who: seconds[model] for who, model in models.items()}
-    return CaseResult(requirement.name, requirement.words, choice, models, errors, between, layers, by_model, choosing_s)
 
 
 def examined(choice: Choice) -> Iterable[Model]:

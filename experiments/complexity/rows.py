@@ -124,7 +124,9 @@ def _row(config: Config, case: Mapping[str, Any], metric: str, estimate: Estimat
 def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:
     """Draw a map of the settings of each case (dark: expensive), and the run times of auto and shipped over the fixed default."""
     cases = [row for row in rows if row["metric"] == SAVED]
-    level = np.array([[_level(case, name) for name in HEADS] for case in cases])
+    # position of a setting on its scale, from cheapest to most expensive; paths over no room count as cheapest
+    level = np.array([[LADDER[name].index(case[name]) / (len(LADDER[name]) - 1) for name in HEADS] for case in cases])
+    level[[case["parts"] == "none" for case in cases], list(HEADS).index("coupling")] = 0.0
     drawing, (table, bars) = figure(
         1, 2, width_in=PAGE_WIDTH_IN, height_in=1.2 + 0.24 * len(cases), sharey=True, gridspec_kw={"width_ratios": (2, 1)}
     )
@@ -153,11 +155,3 @@ def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:
     bars.minorticks_off()
     bars.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
     return drawing
-
-
-def _level(row: Mapping[str, Any], name: str) -> float:
-    """Return the position of a setting on its scale, from 0 (cheapest) to 1; paths over the room count as 0 in a model without a room."""
-    if name == "coupling" and row["parts"] == "none":
-        return 0.0
-    values = LADDER[name]
-    return values.index(row[name]) / (len(values) - 1)

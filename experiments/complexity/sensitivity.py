@@ -147,26 +147,23 @@ def read(campaign: Campaign, config: Config, progress: Progress) -> Twin:
 
 def fidelity(campaign: Campaign, config: Config, progress: Progress) -> Iterator[tuple[tuple[str, str], tuple[float, list[str]]]]:
     """Return ((table, metric), (value, keys of the recordings)) of each result of the fidelity tables."""
+    fetch = partial(stored, progress=progress)
     for module in FIDELITY:
         same = {
             part: getattr(config, part) for part in ("simulator", "materials", "radar", "measured", "profile", "seed", "output", "jobs")
         }
         try:
             table_config = replace(_config_of(module), **same)
-            result = module.score(table_config, _frame(module, table_config, campaign, progress))
+            if module is environment:
+                frame = environment.read(table_config, environment.sources(campaign), fetch)
+            else:
+                frame = fetch(campaign, shared(campaign, module.MOTIONS))
+            result = module.score(table_config, frame.assign(draw=0))  # all draws count as repetitions of one draw
         except InputError as error:  # the campaign lacks the motion, or has too few objects
             progress.say(f"sensitivity: leaves out the table {_name(module)}: {error}")
             continue
         for metric, value in result.metrics.items():
             yield (_name(module), metric), (value, result.keys)
-
-
-def _frame(module: ModuleType, config: Config, campaign: Campaign, progress: Progress) -> Frame:
-    """Return the frame of a fidelity table. All draws count as repetitions of one draw."""
-    fetch = partial(stored, progress=progress)
-    if module is environment:
-        return environment.read(config, environment.sources(campaign), fetch).assign(draw=0)
-    return fetch(campaign, shared(campaign, module.MOTIONS)).assign(draw=0)
 
 
 def _recording_columns(campaign: Campaign, case: Case) -> tuple[str, str, np.ndarray, float, int, int]:

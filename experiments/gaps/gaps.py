@@ -76,7 +76,11 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         domain, reference = ("twin", exact) if gap == "geometry" else ("measured", base)
         for case, reading in recorded(domain, gap, strength, draw).items():
             at = {"gap": gap, "strength": strength, "draw": draw, "case": case, "key": [reading.key, reference[case].key]}
-            moves.append({**at, **_moved(gap, reading, reference[case])})
+            changes = case_set.moved(reading, reference[case])
+            if gap == "hardware":  # only the hardware gap adds noise and leakage
+                risen_db = reading.zero_db - reference[case].zero_db
+                changes |= {"noise floor (dB)": reading.noise_db, "level at zero range, risen by (dB)": risen_db}
+            moves.append({**at, **changes})
     frame = pd.DataFrame(moves)
     rows = [cell.row(config) for cell in agreement(base, exact, frame[frame.gap == "solver"].set_index("case"))]
     for case, turns in INTERPOLATED.get(config.profile.name, ()):
@@ -98,13 +102,6 @@ def check(config: Config) -> None:
     case_set.check_untouched(config)
     if config.materials.source != "true":
         raise ConfigError(f"experiment=gaps gives the twin the true materials itself; leave materials={config.materials.source} out")
-
-
-def _moved(gap: str, reading: Reading, base: Reading) -> dict[str, float]:
-    changes = case_set.moved(reading, base)
-    if gap == "hardware":  # only the hardware gap adds noise and leakage
-        changes |= {"noise floor (dB)": reading.noise_db, "level at zero range, risen by (dB)": reading.zero_db - base.zero_db}
-    return changes
 
 
 def agreement(base: Mapping[Case, Reading], exact: Mapping[Case, Reading], solver: Frame) -> Iterator[Cell]:

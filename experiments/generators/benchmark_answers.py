@@ -23,7 +23,6 @@ from experiments.validation.oracles import fullwave, furnished
 from radartwin.benchmark import frozen_problems
 from radartwin.features.profile import FAR_M, NEAR_M
 from radartwin.io import files
-from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene
 from radartwin.scene.storage import material_to_json
 
@@ -108,9 +107,13 @@ def arrays_and_entry(problem: speed.Problem) -> tuple[dict[str, np.ndarray], dic
     key = problem.name.replace(" ", "_")
     rests_on, known, by = RESTS_ON[key]
     gate = FULL_WAVE_GATE_M if problem.truth == speed.MOMENTS else GATE_M
+    radar = problem.parts[0].radar
+    names = ("start_frequency_hz", "slope_hz_per_s", "sample_rate_hz", "num_samples", "frame_rate_hz", "chirp_interval")
+    ends = {"tx_positions_m": radar.tx_positions_m[0], "rx_positions_m": radar.rx_positions_m[0]}
+    described = {name: getattr(radar, name) for name in names} | {name: list(map(float, place)) for name, place in ends.items()}
     entry = {
         "title": problem.title, "file": f"{key}.npz", "rests_on": rests_on, "known_error": known, "known_by": by,
-        "gate_m": list(gate), "radar": _radar(problem.parts[0].radar), "scenarios": scenarios,
+        "gate_m": list(gate), "radar": described, "scenarios": scenarios,
     }  # fmt: skip
     return arrays, entry
 
@@ -122,12 +125,6 @@ def _scene_arrays(name: str, scene: Scene) -> dict[str, np.ndarray]:
         for kind, array in (("vertices", mesh.vertices), ("faces", mesh.faces.astype(np.int32)), ("normals", mesh.vertex_normals)):
             out[f"{name}/surface_{number}/{kind}"] = np.array(array)
     return out
-
-
-def _radar(radar: Radar) -> dict[str, Any]:
-    names = ("start_frequency_hz", "slope_hz_per_s", "sample_rate_hz", "num_samples", "frame_rate_hz", "chirp_interval")
-    ends = {"tx_positions_m": radar.tx_positions_m[0], "rx_positions_m": radar.rx_positions_m[0]}
-    return {name: getattr(radar, name) for name in names} | {name: list(map(float, place)) for name, place in ends.items()}
 
 
 def main() -> None:

@@ -29,7 +29,7 @@ from radartwin.features.families import BRIGHTNESS
 from radartwin.io.progress import Progress
 from radartwin.recognize.model import Recogniser
 from radartwin.recognize.probes import linear_probe, repeatability
-from radartwin.recognize.samples import Samples, join
+from radartwin.recognize.samples import join
 from radartwin.recognize.split import Split, draw_shots, label_free
 from radartwin.recognize.training import fit
 from radartwin.runs.experiment import Result, Table
@@ -49,7 +49,11 @@ EXPORT_WITHOUT = ("brightness",)
 
 def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
     """Declare the cells of one draw. The panel of a row has the recordings in the space of the first encoder."""
-    split = _split(config, scaled(copied(config, frame)), scaled(revolutions(frame)))
+    simulated, measured = scaled(copied(config, frame)), scaled(revolutions(frame))
+    split = label_free(simulated, measured)
+    if (supervision := config.supervision).mode == "few_shot":
+        known, rest = draw_shots(measured, supervision.shots, config.seed)
+        split = Split("few_shot", join(simulated, known), rest, supervision.shots)
     trained = encoders(config, split)
     panel = join(trained[0].embedded(split.simulated.per_recording()), trained[0].embedded(split.test))
     for attribute, classes in (("geometry", GEOMETRY), ("material", MATERIAL)):
@@ -71,13 +75,6 @@ def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
                 }
                 chance, hits = 1 / len(truth.classes), correct(predictions, truth.label)
                 yield Scored(config, truth, frame, chance).accuracy(case, hits, claim, True, predictions, panel)
-
-
-def _split(config: Config, simulated: Samples, measured: Samples) -> Split:
-    if config.supervision.mode != "few_shot":
-        return label_free(simulated, measured)
-    known, rest = draw_shots(measured, config.supervision.shots, config.seed)
-    return Split("few_shot", join(simulated, known), rest, config.supervision.shots)
 
 
 def export(config: Config, frame: Frame, copied: Copied) -> Recogniser:

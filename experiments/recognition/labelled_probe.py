@@ -12,7 +12,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.campaign.campaign import Call
 from experiments.campaign.cases import MEASURED, TWIN
@@ -105,7 +104,11 @@ def _probed(
     """Declare the accuracy of every method with each probe of `chances`, and the gain from training on simulation."""
     embedded = {RAW: [truth]} | {method: [encoder.embedded(truth) for encoder in of_seeds] for method, of_seeds in trained.items()}
     for probe, chance in chances.items():
-        answers = {method: [_predict(space, probe) for space in spaces] for method, spaces in embedded.items()}
+        left_out = {"stratified": True} if probe == MATCHED else {}
+        answers = {
+            method: [leave_one_out_centroid(space, space.source if probe == RECORDINGS else None, **left_out) for space in spaces]
+            for method, spaces in embedded.items()
+        }
         hits = {method: correct(of_seeds, truth.label) for method, of_seeds in answers.items()}
         shown = (RAW, PRETRAINED) if probe == list(chances)[-1] and not layout else ()
         panels = {method: (method, truth.label, answers[method][0]) for method in shown}
@@ -130,10 +133,6 @@ def as_in_paper(source: RecordingSource) -> Wanted:
     places = {(name, distances[k % count]) for k, name in enumerate(objects)}
     places |= {(name, distances[(k + count // 2) % count]) for k, name in enumerate(objects[:count])}
     return [(MEASURED, case) for case in cases if (case.object, case.distance_m) in places and case.repetition == 0]
-
-
-def _predict(samples: Samples, probe: str) -> NDArray[np.str_]:
-    return leave_one_out_centroid(samples, samples.source if probe == RECORDINGS else None, stratified=probe == MATCHED)
 
 
 def _controls(config: Config, of: Frame, measured: Samples, simulated: Samples) -> Iterator[Cell]:

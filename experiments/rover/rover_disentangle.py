@@ -88,7 +88,12 @@ def statistics_of(levels: Levels) -> Iterator[tuple[str, str, Statistic, Limits,
     for factor in (shares := effects(levels)):
         yield factor, SHARE, lambda resampled, of=factor: effects(resampled).get(of, float("nan")), statistics.SHARE, NONE
     if len(shares) == len(POSITIONS):
-        yield "room less the larger of the others", SHARE, _room_lead, statistics.SIGNED, ROOM_FIRST
+
+        def lead(resampled: Levels) -> float:
+            of = effects(resampled)
+            return of["room"] - max(of["object"], of["distance"])
+
+        yield "room less the larger of the others", SHARE, lead, statistics.SIGNED, ROOM_FIRST
 
 
 def slice_correlations(levels: Levels, factor: str) -> NDArray[np.floating]:
@@ -147,11 +152,6 @@ def effects(levels: Levels) -> dict[str, float]:
 def inflation(levels: Levels) -> float:
     """Return the highest pooled correlation of any feature minus the highest matched correlation of any feature."""
     return float(np.nanmax(pooled(levels)) - np.nanmax(matched(levels)))
-
-
-def _room_lead(levels: Levels) -> float:
-    shares = effects(levels)
-    return shares["room"] - max(shares["object"], shares["distance"])
 
 
 def _mean_of(of: Callable[[Levels], NDArray], levels: Levels) -> float:

@@ -57,7 +57,11 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         scene, truth = virtual_scan.scene_of(product), rooms.room(room, detail="cluttered")
         judged: dict[str, Sequence[Judged]] = {}
         for source in SOURCES:
-            labelled[room, source] = _labelled(source, scene, truth, config.seed)
+            if source == "random":  # labels are drawn from the categories of the room; the right category is never drawn
+                true = material_source("true", scene=truth)(without_fragments(scene, truth))
+                labelled[room, source] = material_source(source, seed=config.seed, **SOURCES[source])(true)
+            else:
+                labelled[room, source] = material_source(source, **SOURCES[source])(scene)
             judged[source] = judge(labelled[room, source], truth)
         rows += [_answered(room, labelled[room, "vlm"], product.key), *_rows(room, judged, product.key)]
         rows += [_beats(room, judged, source, config, product.key) for source in ("vlm", "random")]
@@ -70,13 +74,6 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         if row["category"] == "all" and row["source"] != "random"
     }
     return Result(TABLE.name, rows, figures, metrics, keys)
-
-
-def _labelled(source: str, scene: Scene, truth: Scene, seed: int) -> Scene:
-    if source == "random":  # labels are drawn from the categories of the room; the right category is never drawn
-        scene = material_source("true", scene=truth)(without_fragments(scene, truth))
-        return material_source("random", seed=seed, **SOURCES[source])(scene)
-    return material_source(source, **SOURCES[source])(scene)
 
 
 def _row(room: str, source: str, area_m2: float, metric: str, estimate: Estimate, key: str, category: str = "all", note: str = "",

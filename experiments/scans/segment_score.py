@@ -6,11 +6,9 @@ seen area that it misses. Area that the sensor did not see lowers the precision 
 distance from edges of segments to the nearest true edge. Glass and mirrors are scored separately over their whole area.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 from scipy.spatial import KDTree
 
 from experiments.scans.true_surfaces import SPACING_M, Sighted, Truth, nearest, outline_points, samples
@@ -104,17 +102,9 @@ def score_scene(scene: Scene, truth: Scene, sighted: Sighted | None = None) -> S
             segments.append(best)
     missed = np.array([r.area_m2 * (1 - r.recall) for r in solid])
     flush_share = float(np.average([r.flush for r in solid], weights=missed)) if missed.sum() > 0 else 0.0
-    boundary = _boundary_errors([scene.surfaces[k].mesh for k in set(segments) if k >= 0], true.outlines)
-    return Score(solid, clear, *boundary, flush_share)
-
-
-def _boundary_errors(segments: Sequence[trimesh.Trimesh], outlines: np.ndarray) -> tuple[float, float]:
-    """Return median and 95 % quantile of the distance in metres from the edges of segments to the outlines (E, 3) of true surfaces."""
-    edges = np.concatenate([np.zeros((0, 3)), *(outline_points(mesh) for mesh in segments)])
-    if not len(edges):
-        return float("nan"), float("nan")
-    away = KDTree(outlines).query(edges, workers=-1)[0]
-    return float(np.median(away)), float(np.quantile(away, 0.95))
+    edges = np.concatenate([np.zeros((0, 3)), *(outline_points(scene.surfaces[k].mesh) for k in set(segments) if k >= 0)])
+    away = KDTree(true.outlines).query(edges, workers=-1)[0] if len(edges) else np.array([np.nan])
+    return Score(solid, clear, float(np.median(away)), float(np.quantile(away, 0.95)), flush_share)
 
 
 def _table(row: np.ndarray, column: np.ndarray, shape: tuple[int, int]) -> np.ndarray:

@@ -43,7 +43,9 @@ def chart(rows: Sequence[Row], error: str) -> Figure:
     for panel, mine in zip(panels.flat, problems.values(), strict=False):
         panel.set(xscale="log", yscale="log", ylim=(low, high), xlim=(min(seconds) / 2, max(seconds) * 4))
         panel.set_title(mine[0]["title"].replace(" in the ", "\nin the ").replace(", moving", ",\nmoving"))
-        answer = panel.text(0.02, 0.02, _answer(mine[0]["domain"]), color="0.4", transform=panel.transAxes)
+        truth = mine[0]["domain"].replace("tubes per square wavelength", "tubes").replace("this tracer", "this tracer's own run")
+        words = "\n".join(textwrap.wrap(f"reference: {truth}", 36))
+        answer = panel.text(0.02, 0.02, words, color="0.4", transform=panel.transAxes)
         answer.set_in_layout(False)
         _points(panel, mine, error, front, high, low)
     for panel in panels[:, 0]:
@@ -95,20 +97,10 @@ def _points(panel: Any, mine: Sequence[Row], error: str, front: str, high: float
 def _labels(panel: Any, mine: Sequence[Row], named: Sequence[Row], values: Sequence[float]) -> None:
     """Write the settings beside their points: first the default, which must have a label, then those of the other families."""
     order = sorted(zip(mine, values, strict=True), key=lambda pair: (pair[0]["setting"] != DEFAULT, pair[0]["family"] == OURS))
-    texts = [_label(row) if row in named else "" for row, _ in order]
-    place(panel, [(row["seconds_frame"], value) for row, value in order], texts, [LOOKS[row["family"]][1] for row, _ in order])
-
-
-def _answer(truth: str) -> str:
-    truth = truth.replace("tubes per square wavelength", "tubes").replace("this tracer", "this tracer's own run")
-    return "\n".join(textwrap.wrap(f"reference: {truth}", 36))
-
-
-def _label(row: Row) -> str:
-    """Return the text beside a point. The text of RF-Genesis as published includes its run time relative to the default method."""
-    if row["setting"] == "as published":
-        return f"published ({row['value']:.0f} x)"
-    return short(row["setting"])
+    texts = {row["setting"]: short(row["setting"]) for row in named}
+    texts |= {row["setting"]: f"published ({row['value']:.0f} x)" for row in named if row["setting"] == "as published"}
+    labels = [texts[row["setting"]] if row in named else "" for row, _ in order]
+    place(panel, [(row["seconds_frame"], value) for row, value in order], labels, [LOOKS[row["family"]][1] for row, _ in order])
 
 
 def _point(panel: Any, row: Row, value: float, low: float) -> None:

@@ -146,10 +146,9 @@ def campaign_rows(methods: Sequence[Mapping[str, Any]], machine: Mapping[str, st
     fronts = {f"front of {name}": front([(method["seconds_frame"], method[score]) for method in methods]) for name, score in scores.items()}
     marks = [dict(zip(fronts, on, strict=True)) for on in zip(*fronts.values(), strict=True)]
     rows = [row(method, COST, ratios_of(method["seconds"], default["seconds"]), mark) for method, mark in zip(methods, marks, strict=True)]
-    # standard errors of the default's scores
-    errors = {
-        "features": default["spread of feature_error"], "recognition": _share_error(default["recognition_error"], default["answers"]),
-    }  # fmt: skip
+    # standard errors of the default's scores; by Laplace's rule of succession, that of a share is never zero
+    fair = (default["recognition_error"] * default["answers"] + 1) / (default["answers"] + 2)
+    errors = {"features": default["spread of feature_error"], "recognition": math.sqrt(fair * (1 - fair) / default["answers"])}
     for name, score in scores.items():
         as_good = [method["seconds_frame"] for method in methods if method[score] <= default[score] + errors[name]]
         far = default["seconds_frame"] / min(as_good)
@@ -157,12 +156,6 @@ def campaign_rows(methods: Sequence[Mapping[str, Any]], machine: Mapping[str, st
         metric = f"times the cheapest that is as good in {name}"
         rows.append(row(default, metric, exact(far, len(methods)), marks[0], claim, far <= NEAR))
     return rows
-
-
-def _share_error(share: float, answers: int) -> float:
-    """Return the standard error of a share of wrong predictions, by Laplace's rule of succession never zero."""
-    fair = (share * answers + 1) / (answers + 2)
-    return float(np.sqrt(fair * (1 - fair) / answers))
 
 
 def ratios_of(seconds: Sequence[float], default_s: Sequence[float]) -> Estimate:

@@ -174,10 +174,15 @@ def cells(labels: Mapping[str, str], frame: Frame) -> Iterator[Cell]:
     """Declare correlations without and with the room on each scale, their gain and its change with distance, and energy shares."""
     gains: dict[tuple[str, float], NDArray] = {}
     for distance, here in frame.groupby("distance_m"):
-        at = {"distance_m": distance}
+        at, range_m = {"distance_m": distance}, here.range_m.iloc[0]
         at_paper = distance == PAPER_DISTANCE_M
         for scale in operating_points.SCALES:
-            correlations = {side: _correlations(here, side, scale) for side in ("void", "room", "uniform") if side in labels}
+            mean_powers = {side: list(here.mean_power[here.side == side]) for side in labels}
+            correlations = {
+                side: np.array([profile_correlation(mean_powers[side][0], power, range_m, scale) for power in mean_powers["measured"]])
+                for side in ("void", "room", "uniform")
+                if side in labels
+            }
             for side, values in correlations.items():
                 of, claim = here[here.side.isin(["measured", side])], CORRELATED.get(side, NONE) if at_paper else NONE
                 yield Cell({**at, "case": labels[side], "scale": scale}, "profile correlation", of, mean(values, SIGNED, FISHER), claim)
@@ -213,13 +218,6 @@ def cells(labels: Mapping[str, str], frame: Frame) -> Iterator[Cell]:
             change = gains[scale, far][:count] - gains[scale, near][:count]
             case = {"distance_m": far, "case": f"gain at {far:g} m - at {near:g} m", "scale": scale}
             yield Cell(case, "change of gain", of, mean(change), WIDENS)
-
-
-def _correlations(here: Frame, side: str, scale: str) -> NDArray[np.float64]:
-    """Return the correlations of all measured mean profiles with the simulated mean profile of a side."""
-    twin = next(here[here.side == side].itertuples()).mean_power
-    measured = here[here.side == "measured"].itertuples()
-    return np.array([profile_correlation(twin, recording.mean_power, recording.range_m, scale) for recording in measured])
 
 
 def similarities(here: Frame, side: str) -> tuple[list[float], list[float]]:

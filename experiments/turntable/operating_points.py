@@ -107,17 +107,13 @@ def conditions(config: Config) -> tuple[Condition, ...]:
 
 def wanted(config: Config) -> list[tuple[str, Case]]:
     """Return (domain, case) of all recordings that the operating points of one condition read."""
-    return [pair for leg in LEGS_M[config.profile.name] for pair in _recordings(config, leg)]
+    measured = draws(config.profile.campaign, False) if config.measured.draw is None else [config.measured.draw]
+    firsts = [Case(_reflector(leg), BENCH_ROOM, "turntable", DISTANCE_M) for leg in LEGS_M[config.profile.name]]
+    return [pair for case in firsts for pair in (*((MEASURED, replace(case, draw=k)) for k in measured), (TWIN, case), (VOID, case))]
 
 
 def _reflector(leg_m: float) -> str:
     return REFLECTOR if leg_m == REFLECTOR_LEG_M else f"{REFLECTOR}_{100 * leg_m:g}cm"
-
-
-def _recordings(config: Config, leg_m: float) -> list[tuple[str, Case]]:
-    first = Case(_reflector(leg_m), BENCH_ROOM, "turntable", DISTANCE_M)
-    measured = draws(config.profile.campaign, False) if config.measured.draw is None else [config.measured.draw]
-    return [*((MEASURED, replace(first, draw=k)) for k in measured), (TWIN, first), (VOID, first)]
 
 
 def read(config: Config, frames: Mapping[Condition, Frame]) -> list[Point]:

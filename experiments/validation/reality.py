@@ -191,7 +191,10 @@ def compare_dihedrals(config: Config) -> Iterator[Compared]:
     parts = {f"{100 * side:.0f} cm": slice(k, k + 1) for k, side in enumerate(SIDES_M)} | {"both sizes, one offset": slice(None)}
     for method in METHODS:
         for name, part in parts.items():
-            estimate, optics = (_spread(errors[tested][part], blocks) for tested in (method, OPTICS))
+            estimate, optics = (
+                resampled(float(of.std()), np.swapaxes(of[:, blocks], 0, 1).reshape(len(blocks), -1).std(axis=1), of.size)
+                for of in (errors[method][part], errors[OPTICS][part])
+            )
             limit = optics.high if method == OURS else None
             claim = "not farther from the measured levels than physical optics is" if limit else ""
             note = "" if limit else "whose interval is the limit" if method == OPTICS else "control without near field"
@@ -199,12 +202,6 @@ def compare_dihedrals(config: Config) -> Iterator[Compared]:
         means = errors[method][:, blocks].mean(axis=2)
         estimate = resampled(float(np.diff(errors[method].mean(axis=1))[0]), np.diff(means, axis=0)[0], errors[method].shape[1])
         yield Compared("offset of 10 cm minus offset of 5 cm (dB)", method, estimate, note="mean of computed minus measured level")
-
-
-def _spread(errors: np.ndarray, blocks: np.ndarray) -> Estimate:
-    """Return the standard deviation of the errors (sizes, aspects) in dB, which have one unknown offset, over these `_blocks`."""
-    drawn = np.swapaxes(errors[:, blocks], 0, 1).reshape(len(blocks), -1).std(axis=1)
-    return resampled(float(errors.std()), drawn, errors.size)
 
 
 def _blocks(count: int, resamples: int, rng: np.random.Generator) -> np.ndarray:
