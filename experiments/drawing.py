@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, TEXT_PT
+from radartwin.plotting.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, PALETTE, TEXT_PT, figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 else:
     Axes = Figure = Any  # no module imports Matplotlib before it draws
 
+__all__ = ["COLUMN_WIDTH_IN", "PAGE_WIDTH_IN", "PALETTE", "Axes", "Figure", "figure"]
 OFFSETS = (  # (right, up) of a label from its point, in units of 1/72 inch; preferred offsets come first
     (5, 0), (5, 6), (5, -6), (-5, 0), (-5, 6), (-5, -6), (0, 8), (0, -8), (5, 11), (5, -11), (-5, 11), (-5, -11),
 )  # fmt: skip

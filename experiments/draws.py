@@ -12,10 +12,8 @@ from experiments.campaign.campaign import Campaign, joined, make_together
 from experiments.campaign.cases import MEASURED, ROVER, TWIN, draws
 from experiments.campaign.frame import Frame, Wanted, check_revolutions, shared, stored
 from experiments.campaign.schedule import RecordingTask
-from radartwin.config.config import Config
+from experiments.interface import Config, Progress, Store
 from radartwin.errors import ConfigError
-from radartwin.io.progress import Progress
-from radartwin.store.products import Store
 
 UNKNOWN, EXACT = "contents unknown", "objects of the catalogue"
 OBJECT_GAPS = ("object_shape", "object_material", "contents")  # gaps that change the target

@@ -8,12 +8,9 @@ from experiments.campaign.frame import Frame
 from experiments.cells import Cell, first_draw, keys, table_rows
 from experiments.drawing import Figure
 from experiments.draws import Query
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.recognition.copies import Copied, copies
 from experiments.verdicts import Row
-from radartwin.config.config import Config
-from radartwin.io.progress import Progress
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
 
 Figures = Mapping[str, Callable[[], Figure]]
 

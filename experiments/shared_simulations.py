@@ -9,11 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from experiments.campaign.campaign import joined, make_together
-from radartwin.config.config import Config
-from radartwin.io.progress import Progress
+from experiments.interface import Config, Progress, Store
 from radartwin.runs import run
 from radartwin.runs.experiment import load
-from radartwin.store.products import Store
 
 
 def simulate(configs: Sequence[Config], progress: Progress) -> None:

@@ -11,25 +11,21 @@ from typing import Any
 import numpy as np
 
 from experiments import statistics
-from experiments.drawing import Figure, legend_above
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure, legend_above
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.statistics import Estimate
 from experiments.verdicts import BELOW, Claim, RowList
-from radartwin.config.config import Config
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.radar.angles import METHODS, AngleMethod, azimuth_spectrum, spectrum
 from radartwin.radar.cell_directions import maxima, standard_method
 from radartwin.radar.chirp import Radar
 from radartwin.radar.covariance import covariance
 from radartwin.radar.detection import detect
 from radartwin.radar.processing import range_fft, response
-from radartwin.runs.experiment import Result, Table
 from radartwin.scene import objects
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.simulate import simulate
-from radartwin.store.products import Store
 
 TABLE = Table(
     name="angle_resolution",

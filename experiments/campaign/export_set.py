@@ -11,18 +11,16 @@ from pathlib import Path
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import TURN_S, Case
 from experiments.campaign.recorded import TURN
+from experiments.interface import Config, Progress, Store
 from radartwin.config.compose import compose
-from radartwin.config.config import Config
 from radartwin.config.study import RecordingsConfig
 from radartwin.constants import __version__
 from radartwin.errors import InputError
 from radartwin.io import files
 from radartwin.io.one_line import plural
-from radartwin.io.progress import Progress
 from radartwin.recordings.card import Card
 from radartwin.recordings.index import Row
 from radartwin.recordings.recording_set import RecordingSet
-from radartwin.store.products import Store
 
 
 def export(campaign: Campaign, folder: str | Path) -> RecordingSet:

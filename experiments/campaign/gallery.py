@@ -19,20 +19,17 @@ from numpy.typing import NDArray
 from experiments import statistics
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import LABELS, RAIL, ROVER, Case, Log, Motion
-from experiments.drawing import Figure, range_map
+from experiments.drawing import PAGE_WIDTH_IN, Figure, figure, range_map
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.verdicts import RowList
-from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features import envelope, peak_track
 from radartwin.features.processed import Processed
 from radartwin.features.profile import gate_energies, multipath_share, profile_correlation
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, figure, pixel_edges
+from radartwin.plotting.style import pixel_edges
 from radartwin.radar.processing import doppler_fft, range_fft, steering
 from radartwin.radar.recording import Recording
-from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.catalogue import catalogue
-from radartwin.store.products import Store
 
 READS = ("pairs",)  # options experiment.NAME of this experiment
 TABLE = Table(

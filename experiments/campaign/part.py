@@ -10,12 +10,9 @@ import numpy as np
 
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import Case
+from experiments.interface import Config, Progress, Result, Store
 from experiments.statistics import exact
 from experiments.verdicts import RowList
-from radartwin.config.config import Config
-from radartwin.io.progress import Progress
-from radartwin.runs.experiment import Result
-from radartwin.store.products import Store
 
 NAME = "campaign_part"
 READS = ("part", "parts")  # options experiment.NAME of this experiment

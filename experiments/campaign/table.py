@@ -21,21 +21,18 @@ from experiments.campaign.cases import COMPARED, LABELS, MEASURED, TWIN, VOID, C
 from experiments.campaign.cases import log as nominal_log
 from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.scans import virtual_scan
 from experiments.statistics import exact, ratio
 from experiments.verdicts import BELOW, NONE, Claim, RowList
 from radartwin.builders.radar import build_radar
 from radartwin.config.compose import compose
-from radartwin.config.config import Config
 from radartwin.config.study import CampaignConfig
 from radartwin.features.processed import MAX_RANGE_M
 from radartwin.io.one_line import plural
-from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
 from radartwin.radar.processing import azimuth_row
 from radartwin.runs import workers
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
 from radartwin.testbed.testbed import Gaps
 
 TABLE = Table(

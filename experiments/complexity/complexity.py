@@ -20,6 +20,7 @@ import numpy as np
 from experiments.campaign.cases import Case, Log, log, stand_top
 from experiments.complexity import timing
 from experiments.complexity.rows import AUTO, EVERYTHING, FIXED, MULTIPATH, REFLECTOR, SHAPE, SHIPPED, CaseResult, chart, table
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.speed.machine import machine
 from radartwin.adaptive import limits as limits_module
 from radartwin.adaptive.choice import Choice, choose
@@ -29,19 +30,15 @@ from radartwin.adaptive.scene_settings import DEFAULT, FINEST, Model
 from radartwin.builders.radar import build_radar
 from radartwin.builders.recording import build_setup
 from radartwin.builders.simulator import MOTION_FAMILIES, families_of
-from radartwin.config.config import Config
 from radartwin.config.study import CampaignConfig
 from radartwin.features.processed import Processed
 from radartwin.features.sets import SETS
-from radartwin.io.progress import Progress
 from radartwin.runs import workers
-from radartwin.runs.experiment import Result, Table
 from radartwin.scene import rooms
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.scene.scene import Scene
 from radartwin.store import array_cache
 from radartwin.store.digest import path_digest
-from radartwin.store.products import Store
 
 TABLE = Table(
     name="complexity",

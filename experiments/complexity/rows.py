@@ -10,14 +10,13 @@ import numpy as np
 
 from experiments.campaign.cases import Case
 from experiments.complexity import timing
-from experiments.drawing import Figure
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure
 from experiments.statistics import Estimate, bootstrap, exact
 from experiments.verdicts import BELOW, NONE, Claim, Row
 from radartwin.adaptive.choice import Choice
 from radartwin.adaptive.scene_settings import LADDER, Model
 from radartwin.config.config import Config
 from radartwin.features.sets import SETS
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 
 CHEAPER = 3.0  # claimed median of the ratio (run time of the fixed default) / (run time of auto)
 SHAPE, MULTIPATH, EVERYTHING = "shape", "multipath share", "everything"

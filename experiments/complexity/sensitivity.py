@@ -19,7 +19,8 @@ from experiments.campaign import tally
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import Case
 from experiments.campaign.frame import Frame, shared, stored
-from experiments.drawing import Figure, legend_above
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure, legend_above
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.recognition import corner_reflector_calibration
 from experiments.rover import rover_disentangle, rover_fidelity
 from experiments.speed.machine import machine
@@ -27,16 +28,11 @@ from experiments.statistics import Estimate
 from experiments.turntable import environment, linear_rail, turntable_material, turntable_shape, turntable_size
 from experiments.verdicts import RowList
 from radartwin.config.compose import compose
-from radartwin.config.config import Config
 from radartwin.config.materials import default_materials
 from radartwin.config.simulator import AutoSimulator, MitsubaSimulator
 from radartwin.errors import ConfigError, InputError
 from radartwin.features import families
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
-from radartwin.runs.experiment import Result, Table
 from radartwin.store.digest import semantic
-from radartwin.store.products import Store
 
 TABLE = Table(
     name="sensitivity",

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from experiments.campaign.campaign import Campaign, load_clean
 from experiments.campaign.cases import Case
-from radartwin.config.config import Config
+from experiments.interface import Config, Progress, Store
 from radartwin.config.materials import MaterialsConfig, TrueMaterials
 from radartwin.config.study import GapConfig
 from radartwin.errors import ConfigError
@@ -21,8 +21,6 @@ from radartwin.features import envelope, peak_track
 from radartwin.features.log import Log, distances
 from radartwin.features.processed import Processed, process
 from radartwin.features.profile import FAR_M, GATE_BINS, NEAR_M, gate_energies, multipath_share, profile_correlation
-from radartwin.io.progress import Progress
-from radartwin.store.products import Store
 
 GAPS = tuple(f.name for f in fields(GapConfig))
 ZERO_M = 0.2  # the coupling between antennas appears below this range

@@ -22,20 +22,18 @@ from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
 from experiments.gaps import case_set
 from experiments.gaps.shapley import Coalition
+from experiments.interface import Config, Progress, Store
 from experiments.recognition import readings, transfer
 from experiments.recognition.protocol import correct
 from experiments.recognition.readings import recording_name
-from radartwin.config.config import Config
 from radartwin.config.materials import TrueMaterials, VlmMaterials
 from radartwin.features import families
 from radartwin.features.log import Log
 from radartwin.features.processed import Processed, process
 from radartwin.features.profile import profile_correlation
-from radartwin.io.progress import Progress
 from radartwin.recognize.samples import Samples, join
 from radartwin.recognize.split import label_free
 from radartwin.scene.objects.catalogue import catalogue
-from radartwin.store.products import Store
 
 LABELS = "labels"  # a gap: the simulated room has materials of the configured source instead of the true materials
 TWIN = frozenset(("geometry", LABELS, "hardware"))  # gaps that change how the simulated recordings are computed or read

@@ -14,18 +14,14 @@ from numpy.typing import NDArray
 
 from experiments import statistics
 from experiments.campaign.schedule import RecordingTask
-from experiments.drawing import Figure, error_bars, legend_above
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, error_bars, figure, legend_above
 from experiments.gaps import case_set, shapley
 from experiments.gaps.coalitions import ERROR, LABELS, PROFILE, RECOGNITION, SCORES, Losses, Sides, cases, losses, sides_of
 from experiments.gaps.shapley import Coalition
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.verdicts import NONE, Claim, Row, RowList, within
-from radartwin.config.config import Config
 from radartwin.errors import ConfigError
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
-from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.catalogue import catalogue
-from radartwin.store.products import Store
 
 TABLE = Table(
     name="gap_attribution",

@@ -20,17 +20,13 @@ from experiments.campaign.cases import Case
 from experiments.campaign.frame import Frame
 from experiments.campaign.truth import DRAW_STEP
 from experiments.cells import Cell, joined_rows, keys, using
-from experiments.drawing import Figure, legend_above
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure, legend_above
 from experiments.gaps import case_set
 from experiments.gaps.case_set import CASES, FILLED, GAPS, GROUPS, METAL, Reading
 from experiments.gaps.predictions import expected
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.verdicts import BELOW, NONE, Claim
-from radartwin.config.config import Config
 from radartwin.errors import ConfigError
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
 
 TABLE = Table(
     name="gaps",

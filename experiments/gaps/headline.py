@@ -19,6 +19,7 @@ from experiments import draws
 from experiments.campaign.campaign import joined
 from experiments.campaign.cases import REFLECTOR, planned
 from experiments.campaign.schedule import RecordingTask
+from experiments.interface import Config, Progress, Store
 from experiments.recognition import labelled_probe, reconstruction_ablation, rover_recognition, turntable_label_free
 from experiments.recognition.protocol import CHANCE_MARGIN, FLOOR_ONLY, LEAST_GAIN, SAME_MODELS
 from experiments.rover import rover_fidelity
@@ -26,12 +27,9 @@ from experiments.statistics import LEVEL, PERMUTATION, STUDENT, at_level
 from experiments.turntable import environment, linear_rail, turntable_material, turntable_shape
 from experiments.verdicts import EQUAL, NONE, NOT_HERE, PRIMARY, Claim, judge
 from radartwin.config.compose import compose
-from radartwin.config.config import Config
 from radartwin.errors import ConfigError
-from radartwin.io.progress import Progress
 from radartwin.runs.experiment import JUDGED, SCORE_COLUMNS, VERDICTS, Result, Table
 from radartwin.runs.run import run_experiment, run_key
-from radartwin.store.products import Store
 
 SOURCES = {
     module.TABLE.name: module

@@ -20,21 +20,19 @@ from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import MEASURED, Case
 from experiments.campaign.frame import shared, stored
 from experiments.campaign.truth import root_of
+from experiments.interface import Config, Progress, Store
 from experiments.recognition.copies import copies
 from experiments.recognition.encoder_comparison import METHODS, NETWORK, RAW, TREES, fit_method, fit_with_labels
 from experiments.recognition.protocol import scaled, seeds
 from experiments.recognition.randomisation_ablation import ALL, NOISE_ONLY, QUANTITIES, copied_as
 from experiments.recognition.readings import MOTION, revolutions
 from radartwin.config.compose import compose
-from radartwin.config.config import Config
 from radartwin.io import files
-from radartwin.io.progress import Progress
 from radartwin.recognize.learners import LEARNERS
 from radartwin.recognize.learners.interface import Reads
 from radartwin.recognize.probes import leave_one_out_centroid, nearest_centroid
 from radartwin.recognize.samples import Samples
 from radartwin.recognize.split import draw_shots
-from radartwin.store.products import Store
 
 DRAW = 500
 SHOTS = (1, 2, 4)

@@ -13,12 +13,9 @@ from typing import Any
 import numpy as np
 
 from experiments import verdicts
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.positioning import capabilities
 from experiments.statistics import exact
-from radartwin.config.config import Config
-from radartwin.io.progress import Progress
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
 
 AXES = ("mechanism", "scene input", "material model", "multipath", "real scene", "no RF data", "target")
 TICKS = ("multipath", "real scene", "no RF data")

@@ -18,22 +18,19 @@ from experiments.campaign.frame import Frame
 from experiments.cells import Cell, first_draw, keys
 from experiments.draws import Query
 from experiments.framed import Figures, framed, with_copies
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.recognition.copies import Copied
 from experiments.recognition.plots import bars, embedding_map, grouped, values
 from experiments.recognition.protocol import GEOMETRY, MATERIAL, Scored, anchors, correct, encoders, scaled, settings
 from experiments.recognition.readings import FEATURES, TURNTABLE, revolutions, without
 from experiments.verdicts import NONE, Claim, Row
-from radartwin.config.config import Config
 from radartwin.config.trajectory import TurntableTrajectory
 from radartwin.features.families import BRIGHTNESS
-from radartwin.io.progress import Progress
 from radartwin.recognize.model import Recogniser
 from radartwin.recognize.probes import linear_probe, repeatability
 from radartwin.recognize.samples import join
 from radartwin.recognize.split import Split, draw_shots, label_free
 from radartwin.recognize.training import fit
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
 
 TABLE = Table(
     name="contrastive",

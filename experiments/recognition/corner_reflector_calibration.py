@@ -13,14 +13,13 @@ import numpy as np
 from experiments.campaign.cases import COMPARED, REFLECTOR
 from experiments.campaign.frame import Frame, balanced, by_revolution
 from experiments.cells import Cell, paired, using
-from experiments.drawing import Figure, legend_above
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure, legend_above
 from experiments.framed import framed
 from experiments.recognition.readings import MOTION, reflector
 from experiments.statistics import clustered, difference, exact
 from experiments.verdicts import NONE, Claim, within
 from radartwin.config.config import Config
 from radartwin.features.families import BRIGHTNESS
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.runs.experiment import Table
 from radartwin.scene.objects.catalogue import catalogue
 

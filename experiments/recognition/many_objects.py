@@ -25,6 +25,7 @@ from experiments.campaign.frame import Frame, by_revolution, features
 from experiments.campaign.schedule import RecordingTask
 from experiments.cells import Cell, Estimator, first_draw, keys, mean, per, table_rows
 from experiments.framed import with_copies
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.recognition import labelled_probe, protocol
 from experiments.recognition.encoder_comparison import few_shot_hits
 from experiments.recognition.labelled_probe import PRETRAINED, RAW, RIVAL
@@ -34,18 +35,14 @@ from experiments.recognition.readings import by_side, recording_name
 from experiments.recognition.transfer import ranked
 from experiments.statistics import SHARE, SIGNED, Estimate
 from experiments.verdicts import NONE, Claim
-from radartwin.config.config import Config
 from radartwin.config.materials import VoidMaterials
 from radartwin.errors import ConfigError
-from radartwin.io.progress import Progress
 from radartwin.recognize.encoder import Encoder
 from radartwin.recognize.probes import nearest_centroid, transferred_probe
 from radartwin.recognize.samples import Samples
 from radartwin.recognize.score import majority_share
 from radartwin.recognize.split import label_free
-from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.assortment import assortment
-from radartwin.store.products import Store
 
 TABLE = Table(
     name="many_objects",

@@ -14,7 +14,7 @@ import numpy as np
 from experiments.campaign.cases import MEASURED, TWIN
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell, using
-from experiments.drawing import Figure, error_bars
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, error_bars, figure
 from experiments.draws import Part, Query
 from experiments.framed import framed
 from experiments.recognition import transfer
@@ -25,7 +25,6 @@ from experiments.statistics import POSITIVE, clustered
 from experiments.verdicts import NONE, Claim, Row
 from radartwin.config.config import Config
 from radartwin.config.materials import MaterialsConfig, RandomMaterials, TrueMaterials
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.recognize.score import uniform_chance
 from radartwin.runs.experiment import Table
 

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.drawing import Figure, error_bars, place
-from radartwin.plotting.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, PALETTE, figure
+from experiments.drawing import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, PALETTE, Figure, error_bars, figure, place
 from radartwin.recognize.samples import MEASURED, Samples
 
 GREY = "0.65"

@@ -4,9 +4,8 @@ import numpy as np
 
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED
 from experiments.campaign.frame import Frame
-from experiments.drawing import Figure, range_map
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure, range_map
 from radartwin.features.profile import FAR_M, NEAR_M
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.scene.objects.catalogue import catalogue
 
 SHOWN = ("corner_reflector", "can_211_400", "mug", "mustard")  # the reflector and one object of each material class

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, ROVER, TWIN
 from experiments.campaign.frame import Column, Frame
 from experiments.cells import Cell, mean, paired
-from experiments.drawing import Figure
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure
 from experiments.framed import framed
 from experiments.rover.rover_fidelity import WHERE
 from experiments.statistics import POSITIVE, SHARE, SIGNED
@@ -25,7 +25,6 @@ from experiments.verdicts import NONE, Claim
 from radartwin.config.config import Config
 from radartwin.features import cloud
 from radartwin.features.profile import FAR_M, NEAR_M
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.runs.experiment import Table
 
 NEAR_RANGE_M, NEAR_AZIMUTH_RAD = 0.1, np.deg2rad(15.0)  # limits within which two detections agree

@@ -15,16 +15,13 @@ import numpy as np
 
 from experiments import statistics, verdicts
 from experiments.drawing import Figure
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.scans import virtual_scan
 from experiments.statistics import Estimate
-from radartwin.config.config import Config
-from radartwin.io.progress import Progress
 from radartwin.label.material_score import CLOSE_DB, Judged, accuracy_table, judge
 from radartwin.label.material_sources import material_source, without_fragments
-from radartwin.runs.experiment import Result, Table
 from radartwin.scene import rooms
 from radartwin.scene.scene import Scene
-from radartwin.store.products import Store
 
 TABLE = Table(
     name="labels",

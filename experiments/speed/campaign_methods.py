@@ -19,20 +19,18 @@ from experiments.campaign.campaign import Campaign, joined
 from experiments.campaign.cases import BENCH_ROOM, TWIN
 from experiments.campaign.frame import shared, stored
 from experiments.campaign.schedule import RecordingTask
+from experiments.interface import Config, Progress, Store
 from experiments.recognition.protocol import GEOMETRY
 from experiments.recognition.readings import MOTION, revolutions
 from experiments.recognition.transfer import ranked
 from experiments.scans import virtual_scan
 from experiments.speed.methods import DEFAULT, OURS, POINTS, RFGENESIS
 from radartwin.config.compose import compose
-from radartwin.config.config import Config
 from radartwin.config.materials import VoidMaterials
 from radartwin.features.families import BRIGHTNESS
-from radartwin.io.progress import Progress
 from radartwin.recognize.probes import transferred_probe
 from radartwin.recognize.samples import Samples
 from radartwin.recognize.split import label_free
-from radartwin.store.products import Store
 
 NAME = "campaign"
 TITLE = "turntables of twelve objects in the laboratory"

@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.drawing import Figure, place
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure, place
 from experiments.speed.methods import DEFAULT, FAMILIES, OURS
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 
 Row = Mapping[str, Any]
 Point = tuple[float, float]  # run time and error

@@ -13,16 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from experiments.drawing import Figure
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure
+from experiments.interface import Config, Progress, Result, Table
 from experiments.speed.flat_of_rooms import flat
 from experiments.speed.machine import machine
 from experiments.statistics import Estimate, exact
 from experiments.verdicts import BELOW, Claim, RowList
-from radartwin.config.config import Config
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.radar.chirp import Radar
-from radartwin.runs.experiment import Result, Table
 from radartwin.scene import objects
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories import trajectory

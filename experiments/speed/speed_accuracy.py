@@ -16,15 +16,13 @@ import numpy as np
 
 from experiments import verdicts
 from experiments.campaign.schedule import RecordingTask
+from experiments.interface import Config, Progress, Result, Table
 from experiments.speed import campaign_methods, chart, chart_page, measuring
 from experiments.speed.chart import front, shortfall
 from experiments.speed.machine import machine
 from experiments.speed.methods import DEFAULT, OURS, RFGENESIS, of_problem
 from experiments.speed.problems import Problem, problems
 from experiments.statistics import Estimate, exact
-from radartwin.config.config import Config
-from radartwin.io.progress import Progress
-from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store, save_json
 
 TABLE = Table(

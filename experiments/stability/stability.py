@@ -7,16 +7,12 @@ from typing import Any
 import numpy as np
 
 from experiments import verdicts
-from experiments.drawing import Figure
+from experiments.drawing import PAGE_WIDTH_IN, Figure, figure
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.speed.methods import OURS, Method
 from experiments.stability.sweeps import METHODS, SWEEPS, Sweep
 from experiments.statistics import exact
-from radartwin.config.config import Config
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, figure
 from radartwin.runs import workers
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
 
 TABLE = Table(
     name="stability",

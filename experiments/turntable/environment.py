@@ -20,18 +20,14 @@ from experiments.campaign.cases import MEASURED, TWIN, VOID, Case
 from experiments.campaign.frame import Frame, RecordingSource, stored
 from experiments.campaign.schedule import RecordingTask
 from experiments.cells import Cell, first_draw, keys, mean, table_rows
-from experiments.drawing import Figure, error_bars, range_map
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, error_bars, figure, range_map
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.statistics import FISHER, SCALES, SHARE, SIGNED, ms_ssim
 from experiments.turntable import operating_points
 from experiments.verdicts import BELOW, NONE, Claim, RowList, within
-from radartwin.config.config import Config
 from radartwin.config.materials import UniformMaterials
 from radartwin.errors import ConfigError
 from radartwin.features.profile import FAR_M, NEAR_M, beyond_target_share, profile_correlation
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
 
 READS = ("distances_m",)  # options experiment.NAME of this experiment
 TABLE = Table(

@@ -17,13 +17,12 @@ from experiments.campaign.cases import COMPARED, LABELS, MEASURED, RAIL, TWIN
 from experiments.campaign.columns import TRACKERS
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell, mean, paired
-from experiments.drawing import DOMAIN_STYLES, Figure, legend_above
+from experiments.drawing import DOMAIN_STYLES, PAGE_WIDTH_IN, Figure, figure, legend_above
 from experiments.framed import framed
 from experiments.verdicts import BELOW, NONE, Claim, within
 from radartwin.config.config import Config
 from radartwin.features import peak_track
 from radartwin.features.align import overlap
-from radartwin.plotting.style import PAGE_WIDTH_IN, figure
 from radartwin.runs.experiment import Table
 
 TABLE = Table(

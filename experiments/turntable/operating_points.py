@@ -18,11 +18,10 @@ from experiments import statistics
 from experiments.campaign.cases import BENCH_ROOM, MEASURED, REFLECTOR, TWIN, VOID, Case, draws
 from experiments.campaign.columns import AVERAGES
 from experiments.campaign.frame import Frame
-from experiments.drawing import Figure, legend_above
+from experiments.drawing import PAGE_WIDTH_IN, Figure, figure, legend_above
 from experiments.verdicts import Claim, RowList
 from radartwin.config.config import Config
 from radartwin.features.profile import beyond_target_share, gate_energies, profile_correlation
-from radartwin.plotting.style import PAGE_WIDTH_IN, figure
 from radartwin.scene.objects.catalogue import OTHER_LEGS_M, REFLECTOR_LEG_M
 
 DISTANCE_M = 2.0

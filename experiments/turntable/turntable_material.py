@@ -13,13 +13,12 @@ import numpy as np
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell, difference, gap, mean, per
-from experiments.drawing import DOMAIN_STYLES, Figure, legend_above, panels_width_in
+from experiments.drawing import DOMAIN_STYLES, Figure, figure, legend_above, panels_width_in
 from experiments.framed import framed
 from experiments.verdicts import BELOW, NONE, Claim
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features.families import BRIGHTNESS
-from radartwin.plotting.style import figure
 from radartwin.runs.experiment import Table
 
 TABLE = Table(

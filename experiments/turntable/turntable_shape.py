@@ -15,18 +15,14 @@ from experiments import statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN
 from experiments.campaign.frame import Column, Frame
 from experiments.cells import Cell, joined_rows, mantel, mean, paired, per, rank_correlation, using
-from experiments.drawing import DOMAIN_STYLES, Figure, legend_above
+from experiments.drawing import DOMAIN_STYLES, PAGE_WIDTH_IN, PALETTE, Figure, figure, legend_above
 from experiments.framed import framed
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.statistics import Estimate
 from experiments.turntable.facet_ripple import ripple_rows
 from experiments.verdicts import BELOW, NONE, Claim
-from radartwin.config.config import Config
 from radartwin.errors import InputError
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
-from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.catalogue import catalogue
-from radartwin.store.products import Store
 
 TABLE = Table(
     name="turntable_shape",

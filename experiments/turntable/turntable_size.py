@@ -15,7 +15,7 @@ from experiments import statistics
 from experiments.campaign.cases import COMPARED, LABELS
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell, per, rank_correlation, using
-from experiments.drawing import DOMAIN_STYLES, Figure, legend_above, panels_width_in
+from experiments.drawing import DOMAIN_STYLES, Figure, figure, legend_above, panels_width_in
 from experiments.framed import framed
 from experiments.statistics import Estimate
 from experiments.turntable.turntable_shape import is_can
@@ -23,7 +23,6 @@ from experiments.verdicts import EQUAL, NONE, Claim
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features.families import BRIGHTNESS
-from radartwin.plotting.style import figure
 from radartwin.runs.experiment import Table
 from radartwin.scene.objects.catalogue import catalogue
 

@@ -16,16 +16,13 @@ from typing import Any
 import numpy as np
 
 from experiments import statistics, verdicts
-from experiments.drawing import Figure
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.validation.oracles.rooms import rotation
 from experiments.validation.oracles.shells import Room
 from experiments.validation.path_match import PathSet, partners, together
-from radartwin.config.config import Config
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.radar.chirp import Radar
 from radartwin.runs import workers
-from radartwin.runs.experiment import Result, Table
 from radartwin.scene import rooms
 from radartwin.scene.scene import Scene
 from radartwin.simulation import geometry, reflection_table
@@ -35,7 +32,6 @@ from radartwin.simulation.backends.sionna import SionnaBackend, SionnaSettings
 from radartwin.simulation.backends.sionna_scene import quiet
 from radartwin.simulation.backends.static_scene import small_faces
 from radartwin.simulation.paths import Paths
-from radartwin.store.products import Store
 
 TABLE = Table(
     name="backend_crosscheck",

@@ -9,10 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.drawing import Figure
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure
 from experiments.validation.oracles import fullwave, furnished
 from experiments.validation.oracles.case import Case, Finding, Untestable
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.scene.scene import Scene
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.signal.synthesis import received

@@ -21,17 +21,15 @@ import numpy as np
 import trimesh
 
 from experiments import verdicts
-from experiments.drawing import Figure
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.scans import scan
 from experiments.statistics import Estimate, exact, resampled
 from experiments.validation.oracles.case import REFERENCE
 from experiments.validation.oracles.nearfield import corner_quadrature
 from experiments.validation.oracles.targets import corner_faces
 from radartwin.builders.radar import named_radar
-from radartwin.config.config import Config
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.radar.chirp import Radar
 from radartwin.radar.process_capture import process_capture
 from radartwin.reconstruct.build import reconstruct
@@ -39,14 +37,12 @@ from radartwin.reconstruct.frames.layouts import load_frames
 from radartwin.reconstruct.fusion.fusion import fuse
 from radartwin.reconstruct.mesh_distance import Nearest, covered
 from radartwin.reconstruct.scan_file import load_scan
-from radartwin.runs.experiment import Result, Table
 from radartwin.scene import objects
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import look_at
 from radartwin.simulation.rcs import rcs
 from radartwin.simulation.simulate import simulate
 from radartwin.store.digest import path_digest
-from radartwin.store.products import Store
 
 TABLE = Table(
     name="reality",

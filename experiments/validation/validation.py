@@ -13,17 +13,13 @@ from typing import Any
 import numpy as np
 
 from experiments import verdicts
-from experiments.drawing import Figure
+from experiments.drawing import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, PALETTE, Figure, figure
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.statistics import Estimate, exact
 from experiments.validation import furnished_rooms
 from experiments.validation.oracles import dielectrics, energy, motion, near, rooms, sampling, targets
 from experiments.validation.oracles.case import Case, Untestable, reference_rows
-from radartwin.config.config import Config
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.runs import workers
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
 
 TABLE = Table(
     name="validation",
