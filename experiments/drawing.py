@@ -14,7 +14,10 @@ if TYPE_CHECKING:
 else:
     Axes = Figure = Any  # no module imports Matplotlib before it draws
 
-__all__ = ["COLUMN_WIDTH_IN", "PAGE_WIDTH_IN", "PALETTE", "Axes", "Figure", "figure"]
+__all__ = [
+    "COLUMN_WIDTH_IN", "PAGE_WIDTH_IN", "PALETTE", "Axes", "Figure", "error_bars", "figure", "legend_above", "panels_width_in", "place",
+    "range_map",
+]  # fmt: skip
 OFFSETS = (  # (right, up) of a label from its point, in units of 1/72 inch; preferred offsets come first
     (5, 0), (5, 6), (5, -6), (-5, 0), (-5, 6), (-5, -6), (0, 8), (0, -8), (5, 11), (5, -11), (-5, 11), (-5, -11),
 )  # fmt: skip
