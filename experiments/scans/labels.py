@@ -35,11 +35,7 @@ TABLE = Table(
     "at the effective number of surfaces; intervals of the gain are bootstraps over surfaces.",
 )
 
-SOURCES: dict[str, dict[str, Any]] = {
-    "vlm": {"missing": "plasterboard"},
-    "uniform": {"material": "plasterboard"},
-    "random": {"p": 1.0},
-}
+SOURCES: dict[str, dict[str, Any]] = {"vlm": {"missing": "plasterboard"}, "uniform": {"material": "plasterboard"}, "random": {"p": 1.0}}
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
