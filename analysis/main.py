@@ -126,16 +126,10 @@ def write(table: Table, result: Result, profile: str, output: Path) -> None:
 
 
 def write_report(output: Path, fresh: Sequence[str] = (), current: Callable[[str, str, Path], str] | None = None) -> Path:
-    """Write the report of all tables in the output folder, and return its path.
+    """Write the report of all tables in the output folder, and return its path. Raises MissingError if the folder has no table.
 
-    If a table is missing, failed or out of date (its run key has changed), the report shows the command that makes the table instead of its
-    figures.
-
-    Args:
-        fresh: names of the tables that the calling command has just written; these tables are up to date.
-        current: function of (table name, profile, output folder) that returns the current run key of a table.
-    Raises:
-        MissingError: the folder has no table.
+    A table that is missing, failed or out of date (`current`, a function of its name, profile and the folder, returns another run key) has
+    the command that makes it instead of its figures. The tables `fresh` are up to date.
     """
     if not any(name in table_runs.read(output, part) for part in table_runs.FORMS for name in registry.NAMES):
         raise MissingError(f"{output / 'tables'}: there are no tables to report; run radartwin tables first")

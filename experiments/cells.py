@@ -32,11 +32,8 @@ AVERAGED, SUMMED = ("chance", "seed_sd"), ("answers", "first_only", "second_only
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """One row of a result table.
-
-    Attributes:
-        case: columns that say what the row is about.
-        of: the rows of the frame that the estimate uses, whose recordings the row names.
+    """One row of a result table: `case` has the columns that say what the row is about, and `of` the rows of the frame that the estimate
+    uses, whose recordings the row names.
     """
 
     case: Mapping[str, Any]
@@ -90,10 +87,8 @@ def table_rows(config: Config, frame: Frame, cells: Cells, exact: Callable[[Row]
 
 
 def joined_rows(draws: Iterable[Iterable[Row]]) -> list[Row]:
-    """Join the rows of several draws of one table.
-
-    A joined row is the mean over the draws that have this row (column draws; see statistics.over_draws). The columns AVERAGED and SUMMED
-    may differ between draws.
+    """Join the rows of several draws of one table: the mean over the draws that have a row (column draws; see statistics.over_draws). The
+    columns AVERAGED and SUMMED may differ between draws.
     """
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in itertools.chain.from_iterable(draws):

@@ -133,12 +133,9 @@ def interval_of_p(value: float, null: float, p: float, n: int, limits: tuple[flo
 
 
 def permuted(value: float, shuffled: NDArray, n: int, limits: tuple[float, float] = ANY, scale: str = "") -> Estimate:
-    """Return an estimate over n objects with the interval that inverts its permutation test (see `interval_of_p`).
-
-    An estimate that is not beyond most of the permuted estimates has their standard deviation as standard error.
-
-    Args:
-        shuffled: (permutations,) the estimates with permuted objects, including that of the original order.
+    """Return an estimate over n objects with the interval that inverts its permutation test (see `interval_of_p`), given the estimates
+    (permutations,) with permuted objects, the original order included. An estimate that is not beyond most of these has their standard
+    deviation as standard error.
     """
     p = permutation_p(value, shuffled)
     estimate = interval_of_p(value, float(shuffled.mean()), p, n, limits, scale)
@@ -189,12 +186,8 @@ def mean(
 ) -> Estimate:  # fmt: skip
     """Return the mean of the samples with its confidence interval from a bootstrap over the samples, widened for few samples.
 
-    For a single sample, and for samples that are all equal, both bounds equal the mean.
-
-    Args:
-        scale: increasing function that converts means to the unit of the result, such as amplitudes to decibels. The interval is widened
-            in this unit, because a widened interval of amplitudes could extend below zero.
-        on: scale of SCALES on which the interval is widened, such as FISHER for correlations.
+    For a single sample, and for samples that are all equal, both bounds equal the mean. The interval is widened on the scale `on` of SCALES
+    and in the unit to which the increasing function `scale` converts means, because amplitudes could otherwise extend below zero.
 
     >>> mean([2.0], 100, 0).low
     2.0
@@ -242,13 +235,9 @@ def widened(drawn: NDArray, value: float, n: int) -> NDArray:
 def clustered(
     values: ArrayLike, clusters: ArrayLike, resamples: int, seed: int, classes: NDArray | None = None, limits: tuple[float, float] = ANY
 ) -> Estimate:
-    """Return the mean of values (N,) or (seeds, N), with the interval of a bootstrap that draws whole clusters; n counts clusters.
-
-    The interval is widened for few clusters. If the values are drawn within classes, the class with the fewest clusters decides.
-
-    Args:
-        clusters: (N,) cluster of each value. The recordings of one object are one cluster.
-        classes: (N,) class of each value, for a mean over classes with clusters drawn within each class; None for a plain mean.
+    """Return the mean of values (N,) or (seeds, N), with the interval of a bootstrap that draws whole clusters (N,), such as the recordings
+    of one object; n counts clusters. With `classes` (N,), it is a mean over classes, clusters are drawn within each class, and the class
+    with the fewest clusters decides how much the interval is widened.
     """
     clusters = np.asarray(clusters)
     value, drawn = score.seed_mean(np.asarray(values, float), clusters, resamples, seed, classes)

@@ -47,11 +47,8 @@ def content() -> list[dict[str, Any]]:
 
 
 def tables(read: Callable[[str], pd.DataFrame] = committed, absent: str = "") -> Iterator[tuple[str, str, pd.DataFrame]]:
-    """Yield title, note and table of each section.
-
-    Args:
-        read: function that returns the rows of a results table as texts; an empty table stands for a missing one.
-        absent: text of a cell whose row is missing; if it is empty, such a cell raises ValueError.
+    """Yield title, note and table of each section, from a function that returns the rows of a results table as texts, none of a missing
+    one. `absent` is the text of a cell whose row is missing; if it is empty, such a cell raises ValueError.
     """
     read = functools.cache(read)
     for section in content():

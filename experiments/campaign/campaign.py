@@ -35,10 +35,8 @@ CLEAN, PROCESSED = "clean", "processed"
 
 
 class Campaign:
-    """List, simulate and read the measured and simulated recordings of one configuration, which the store keeps.
-
-    `draw` is the only draw of the virtual campaign that is listed; None stands for measured.draw, or for all draws. Raises UserError if the
-    recording set cannot be used, or was made with another radar.
+    """List, simulate and read the measured and simulated recordings of one configuration, which the store keeps. `draw` is the only listed
+    draw of the virtual campaign; None stands for measured.draw, or for all draws. Raises UserError if the recording set cannot be used.
     """
 
     def __init__(self, config: Config, store: Store, progress: Progress, draw: int | None = None):
@@ -163,13 +161,9 @@ def joined(task_sets: Iterable[Mapping[str, RecordingTask]]) -> dict[str, Record
 def make_together(
     missing: Mapping[str, RecordingTask], jobs: int, progress: Progress, fresh: bool = False, calls: Sequence[Call] = ()
 ) -> None:
-    """Simulate the missing recordings of one or more campaigns in at most `jobs` workers; `fresh` starts new workers.
-
-    If there is only one worker, the calling process simulates the recordings. Recordings of one track are simulated one after the other,
-    because they share a set-up.
-
-    Args:
-        calls: further simulations, which the workers start before the recordings.
+    """Simulate the missing recordings of one or more campaigns in at most `jobs` workers; `fresh` starts new workers, and a single worker
+    is the calling process. `calls` are further simulations, which the workers start before the recordings. Recordings of one track are
+    simulated one after the other, because they share a set-up.
     """
     tasks = list(missing.values())
     if not (tasks or calls):

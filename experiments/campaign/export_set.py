@@ -26,9 +26,8 @@ from radartwin.recordings.recording_set import RecordingSet
 def export(campaign: Campaign, folder: str | Path) -> RecordingSet:
     """Write every measured recording of the campaign that the recording set does not hold yet.
 
-    Raises:
-        InputError: the campaign's measured recordings already come from a recording set.
-        OutputError, RecordingError: the folder cannot be written, or holds a different recording set.
+    Raises InputError if the recordings already come from a recording set, and OutputError or RecordingError if the folder cannot be written
+    or holds a different recording set.
     """
     measured = campaign.config.measured
     if isinstance(measured, RecordingsConfig):

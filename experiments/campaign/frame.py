@@ -49,11 +49,8 @@ class RecordingSource(Protocol):
 
 
 def shared(source: RecordingSource, motions: Sequence[str], room: str | None = None, several: bool = False) -> Wanted:
-    """Return the recordings with these motions whose place is both measured and simulated. Raises ConfigError if there are none.
-
-    Args:
-        room: room of the recordings; None stands for all rooms.
-        several: whether only the recordings that `balanced` keeps are returned.
+    """Return the recordings with these motions (of one room, or of all) whose place is both measured and simulated; with `several`, only
+    those that `balanced` keeps. Raises ConfigError if there are none.
     """
     import pandas as pd
 

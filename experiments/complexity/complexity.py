@@ -118,10 +118,8 @@ class Requirement:
     probe_of: ProbeOf
 
     def error(self, model: Model, between: bool = False) -> tuple[float, str]:
-        """Return (error, name) of the feature with the largest difference from the finest model.
-
-        The error of a feature is its difference from the finest model divided by its repeatability limit (the difference that occurs
-        between repeated measurements).
+        """Return (error, name) of the feature with the largest error: its difference from the finest model over its repeatability limit
+        (the difference that occurs between repeated measurements).
         """
         kept = self.between if between else self.kept
         names, values = kept.features(model)
@@ -210,10 +208,8 @@ def _requirements(name: str, probe_of: ProbeOf, motion: str, thing: str, store: 
 
 
 def staged_case(case: Case, config: Config) -> ProbeOf:
-    """Set up a case of the campaign in the procedural room without scan errors.
-
-    Returns a function that builds a probe of this case, a group of frames on which models are compared. The arguments of the function
-    choose the frames (`ProbeOf`).
+    """Return a function that builds a probe (a group of frames on which models are compared) of a case, in the room without scan errors.
+    Its arguments choose the frames (`ProbeOf`).
     """
     frames = timing.FRAMES[case.motion != "turntable"]
     nominal: Log = log(case, CampaignConfig(frames_per_turn=frames, rover_every=1), measured=False)

@@ -196,10 +196,8 @@ def table(config: Config, twins: Mapping[str, Twin]) -> list[dict[str, Any]]:
 
 
 def feature_error(values: np.ndarray, finest: np.ndarray) -> np.ndarray:
-    """Return the feature error (recordings,): the rms over features of (value - value of the finest setting) / standard deviation.
-
-    `values` and `finest` have the shape (recordings, features). The standard deviation of a feature is taken over the recordings of the
-    finest setting. A feature that is constant over the recordings of the finest setting is left out.
+    """Return the feature error (recordings,) of (recordings, features): the rms over features of (value - value of the finest setting) /
+    standard deviation over the recordings of the finest setting. Features that are constant there are left out.
     """
     spread = finest.std(axis=0)
     tells = spread > 1e-9 * np.abs(finest).max(axis=0, initial=0.0)

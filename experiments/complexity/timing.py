@@ -26,10 +26,8 @@ FIRST = 4  # frames that are recorded to compile the kernels
 
 
 def seconds(probe_of: Callable[[int | None, bool], Probe], models: Sequence[Model], rounds: int, store: Store) -> dict[Model, list[float]]:
-    """Return the run time in core-seconds per frame of a whole recording: for each model, a list with one value per round.
-
-    Args:
-        probe_of: function (number of frames or None for the default, whether to take frames between the probe's frames) -> probe.
+    """Return the run time in core-seconds per frame of a whole recording: for each model, a list with one value per round. `probe_of` is a
+    function (number of frames, whether to take frames between the probe's frames) -> probe.
     """
     many = probe_of(None, False)
     few = probe_of((many.frames + 1) // 2, False)

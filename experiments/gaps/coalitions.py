@@ -58,10 +58,8 @@ def cases(objects: Iterable[str]) -> list[Case]:
 
 
 def configured(config: Config, on: Collection[str]) -> Config:
-    """Return the configuration with the gaps `on` switched on, all other gaps off, and one turntable revolution of FRAMES frames.
-
-    The recorded answers of the vision-language model describe the surfaces of the scan. A surface of the exact room that is not in the scan
-    becomes plasterboard.
+    """Return the configuration with only the gaps `on`, and one turntable revolution of FRAMES frames. Surfaces of the exact room that are
+    not in the scan, which the recorded answers describe, become plasterboard.
     """
     strengths = {gap: 1.0 for gap in on if gap != LABELS}
     materials = config.materials if LABELS in on else TrueMaterials()
@@ -98,10 +96,8 @@ class Sides:
         )
 
     def read(self, domain: str, on: Coalition) -> Frame:
-        """Return the frame of the recordings of one domain (measured or simulated) with the gaps `on`, in the order of the cases.
-
-        Its columns are the store `key` before receiver effects, the features `vector` that the feature error compares, the mean power
-        `profile` (B,) over range with its axis `range_m`, and those of `readings.frames`.
+        """Return the frame of one domain (measured or simulated) with the gaps `on`, in the order of the cases: the store `key` before
+        receiver effects, the compared features `vector`, the mean power `profile` (B,) over `range_m`, and those of `readings.frames`.
         """
         if (domain, on) not in self._read:
             rows = []
@@ -192,10 +188,8 @@ def losses(config: Config, sides: Sides, sets_of_gaps: Iterable[Coalition]) -> L
 
 
 def recognised_shares(config: Config, simulated: Samples, measured: Mapping[Coalition, Samples]) -> dict[Coalition, NDArray[np.float64]]:
-    """Return, for each coalition, the share of seeds (recordings,) in which forests trained on simulated frames classify correctly.
-
-    The forests are trained once, on simulated frames, and classify the recordings of the testbed with every set of gaps. The features are
-    replaced by their ranks within each set of gaps.
+    """Return, for each coalition, the share of seeds (recordings,) in which forests trained once on simulated frames classify the
+    recordings of the testbed correctly. The features are ranks within each set of gaps.
     """
     renamed = []
     for number, samples in enumerate(map(transfer.ranked, measured.values())):  # new names of the recordings sort by the number

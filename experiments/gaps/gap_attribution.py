@@ -141,10 +141,8 @@ def check(config: Config) -> None:
 
 
 def table(config: Config, plan: Plan, by_score: Losses, filled: NDArray[np.bool_], keys: Sequence[str]) -> list[Row]:
-    """Build the table rows of each loss: the loss without gaps, the loss with all gaps, and three rows for each gap.
-
-    The three rows of a gap are its loss alone, its loss if left out, and its share. The table has these rows once for all objects and once
-    for filled bottles only. `filled` is the mask (recordings,) of the filled bottles.
+    """Build the rows of each loss, for all objects and for filled bottles (mask `filled`): the loss without gaps and with all gaps, and for
+    each gap its loss alone, its loss if left out, and its share.
     """
     rows = RowList(config)
     for score in SCORES:

@@ -24,12 +24,7 @@ def coalitions(players: Sequence[str]) -> Iterator[Coalition]:
 
 
 def shares(players: Sequence[str], value: Game) -> dict[str, NDArray[np.float64]]:
-    """Compute the Shapley share of each player.
-
-    Args:
-        value: mapping from every coalition to its value, an array whose shape (...) is the same for all coalitions.
-    Returns:
-        Dictionary {player: Shapley share}; each share is an array with the same shape (...) as the values.
+    """Return {player: Shapley share}; `value` maps every coalition to an array, and each share is an array of the same shape.
 
     >>> glove = {s: np.array(float("left" in s and len(s) > 1)) for s in coalitions(["left", "right", "other right"])}
     >>> {player: round(float(share), 3) for player, share in shares(["left", "right", "other right"], glove).items()}

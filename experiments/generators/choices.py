@@ -90,10 +90,8 @@ def scores(config: Config, store: Store, progress: Progress) -> list[dict[str, A
 
 
 def selected(rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """Return the chosen kind of copies, and the chosen method for each of the two accuracies CHOSEN_BY.
-
-    The network has the highest mean of both accuracies with the chosen kind of copies. With these copies, each chosen method has the
-    highest value of its accuracy.
+    """Return the kind of copies with which a network has the highest mean of both accuracies, and with these copies the method with the
+    highest value of each accuracy of CHOSEN_BY.
     """
     network = {row["copies"]: float(np.mean([row[probe] for probe in CHOSEN_BY])) for row in rows if row.get("method") == NETWORK}
     kind = max(network, key=lambda name: network[name])

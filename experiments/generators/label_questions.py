@@ -63,12 +63,8 @@ def _share(questions: Sequence[Question], ids: set[str]) -> float:
 def replace_answers(room: str, questions: Sequence[Question], answers: Path, model: str, about: str, to: Path = SHIPPED) -> Path:
     """Replace the recorded answers about a room by those in the file `answers`, and return the path of the written file.
 
-    Args:
-        model: name of the model or person that answered.
-        about: text that states model, date and method of the answers.
-        to: folder of the recorded answers of all rooms.
-    Raises:
-        LabelError: an answer is invalid, or a question has no answer. The recorded answers are then unchanged.
+    `model` is the model or person that answered, and `about` states the date and method. Raises LabelError if an answer is invalid or
+    missing; the recorded answers are then unchanged.
     """
     records = read_answers(answers, questions, model)
     missing = sorted({question.id for question in questions} - {record.key[:12] for record in records})

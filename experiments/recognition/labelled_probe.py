@@ -122,11 +122,7 @@ def _probed(
 
 
 def as_in_paper(source: RecordingSource) -> Wanted:
-    """Choose measured recordings so that each object stands at one distance, and some objects also at a second distance.
-
-    The number of objects with a second distance equals the number of distances. Twelve objects and four distances give four objects at each
-    distance.
-    """
+    """Choose measured recordings so that each object stands at one distance, and as many objects as there are distances at a second one."""
     cases = source.cases(MEASURED, motion=MOTION)
     objects, distances = sorted({case.object for case in cases}), sorted({case.distance_m for case in cases})
     count = len(distances)

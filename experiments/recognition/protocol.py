@@ -117,15 +117,11 @@ class Scored:
         self, case: Mapping[str, Any], hits: NDArray, claim: Claim = NONE, balanced: bool = False,
         answers: Sequence[NDArray] | None = None, panel: Any = None,
     ) -> Cell:  # fmt: skip
-        """Return the accuracy (share of correct predictions). A claim without a condition says that it is above chance.
+        """Return the accuracy of `hits` (seeds, N), NaN for a row that a seed does not classify. A claim without a condition says that it
+        is above chance. With `balanced`, the accuracy is the mean of the accuracies of all classes.
 
-        If `answers` is given, the test permutes the classes of the objects, and the accuracy without an effect is the mean accuracy of the
-        permuted classes. This asks for several objects in each class. Otherwise the interval is a bootstrap over objects.
-
-        Args:
-            hits: (seeds, N), whether each prediction is correct; NaN for a row that a seed does not classify.
-            balanced: if true, the accuracy is the balanced accuracy (mean of the accuracies of all classes).
-            answers: (seeds) predicted classes (N,). panel: that of the cell.
+        With `answers`, (seeds) predicted classes (N,), the test permutes the classes of the objects, and the mean accuracy of the permuted
+        classes is that without an effect; this asks for several objects in each class. Otherwise a bootstrap over objects is the test.
         """
         hits, truth = self._classified(hits)
         metric, null = "balanced accuracy" if balanced else "accuracy", None
@@ -159,10 +155,8 @@ class Scored:
         claims: Mapping[str, Claim] | None = None, column: str = "method", answers: Mapping[str, Sequence[NDArray]] | None = None,
         panels: Mapping[str, Any] | None = None,
     ) -> Iterator[Cell]:  # fmt: skip
-        """Yield the accuracy of each method (see `accuracy`), and the gain of the first method over the second of each pair.
-
-        Args:
-            hits, claims, answers, panels: by method. column: column of the method.
+        """Yield the accuracy of each method (see `accuracy`), and the gain of the first method over the second of each pair. The arguments
+        `hits`, `claims`, `answers` and `panels` are by method.
         """
         for method, method_hits in hits.items():
             claim, panel = (claims or {}).get(method, NONE), (panels or {}).get(method)
@@ -178,10 +172,8 @@ class Scored:
         return replace(self, of=self.of[(self.of.domain == MEASURED) | self.of.side.isin(sides)])
 
     def control(self, case: Mapping[str, Any], shares: NDArray, metric: str = "accuracy") -> Cell:
-        """Return the mean of the accuracies `shares` (shuffles,) with shuffled labels. The claim is that this mean is at chance level.
-
-        Only the shuffles are independent of each other. The recordings of one shuffle are not independent, because the same few labels
-        classify all of them.
+        """Return the mean of the accuracies (shuffles,) with shuffled labels. The claim is that it is at chance level. Only the shuffles
+        are independent of each other: the same few labels classify all recordings of a shuffle.
         """
         case, claim = {**case, **statistics_columns(len(self.truth), self.chance, shares)}, at_chance("at chance", "", self.chance)
         return Cell(case, metric, self.of, statistics.students_t(shares, statistics.SHARE, "shuffles"), claim, count_sources(self.truth))
@@ -196,11 +188,8 @@ class Scored:
 def compared_trainings(
     config: Config, frame: Frame, column: str, trained: Iterable[tuple[str, Samples, Samples]], claims: Mapping[str, str]
 ) -> Iterator[Cell]:
-    """Train an encoder for each name in `trained`, and declare its accuracy with each probe, and the gain of the first over the others.
-
-    Args:
-        column: column of the name. trained: (name, features of measured revolutions, features of copies of simulated revolutions).
-        claims: text of the claim about the gain over a name.
+    """Train an encoder for each (name, features of measured revolutions, features of copies of simulated revolutions), and declare its
+    accuracy with each probe, and the gain of the first over the others; `claims` has the text of the claim about the gain over a name.
     """
     hits: dict[str, dict[str, NDArray[np.bool_]]] = {}
     for name, measured, simulated in trained:

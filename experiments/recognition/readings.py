@@ -31,11 +31,8 @@ def stratum(distance_m: float) -> str:
 
 
 def gathered(rows: Frame, names: Sequence[str], values: Iterable[NDArray], turns: bool = False) -> Samples:
-    """Return the feature rows of recordings, sorted by the names of the recordings.
-
-    Args:
-        values: for each recording (n, D) values of the D features `names`, or (D,) if there is one row.
-        turns: whether each row of the values is a revolution, which counts as a recording of its own.
+    """Return the feature rows of recordings, sorted by the names of the recordings. The values of a recording are (n, D), of D features, or
+    (D,); with `turns`, each row is a revolution, which counts as a recording of its own.
     """
     parts = []
     for row, vectors in zip(rows.itertuples(), values, strict=True):

@@ -97,11 +97,7 @@ def _case(label: str, place: tuple[str, str, float | None] = ("all", "all", None
 
 
 def aligned(first: Series, second: Series) -> tuple[NDArray, NDArray]:
-    """Return the tracked ranges of two drives in the frames that both drives have, after the offset between their starts is removed.
-
-    Args:
-        first, second: energy in the target gate and tracked range in metres of each drive, (F,) each.
-    """
+    """Return the tracked ranges (F,) of two drives in the frames that both drives have, without the offset between their starts."""
     try:
         late = start_offset(first[0], second[0], max(1, len(first[0]) // 4))
     except InputError:  # the target's energy is constant or below the noise, so the logged start is used
@@ -201,16 +197,12 @@ def _materials(frame: Frame) -> Iterator[Cell]:
 
 
 def contrast_test(levels: NDArray, metal: NDArray[np.bool_]) -> float:
-    """Return the p value of the test whether the brightness contrast of metal and plastic has one sign in both domains.
+    """Return the p value of the test whether the brightness contrast of metal and plastic has one sign in both domains, from the levels
+    (2, objects, places) in dB, NaN where an object is missing.
 
     The test assigns the material labels to the objects in every possible way, the same at all places, because the places share the objects.
-    In each domain, p is the share of assignments whose mean contrast over places is at least as far from zero as the contrast of the true
-    labels. The claim needs a contrast in both domains, so the larger of the two p values counts. p is 1 if the contrasts have different
-    signs.
-
-    Args:
-        levels: (2, objects, places) brightness in dB in both domains, NaN where an object is missing.
-        metal: (objects,) whether an object is of metal; the other objects are of plastic.
+    In each domain, p is the share of assignments whose mean contrast over places is at least as far from zero as that of the true labels.
+    The larger p counts, because the claim needs a contrast in both domains. p is 1 if the contrasts have different signs.
     """
     count, metal_count = len(metal), int(metal.sum())
     assigned = [np.isin(np.arange(count), members) for members in combinations(range(count), metal_count)]

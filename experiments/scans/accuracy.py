@@ -46,12 +46,7 @@ class Accuracy:
 
 
 def accuracy(mesh: trimesh.Trimesh, scene: Scene, truth: ScanTruth, frames: Frames) -> Accuracy:
-    """Compare a mesh that was fused from a simulated phone scan with the true scene.
-
-    Args:
-        truth: true camera poses of the scan, and the true surface and depth of each pixel.
-        frames: depth frames of the scan; the comparison uses their camera intrinsics.
-    """
+    """Compare a mesh that was fused from the depth `frames` of a simulated phone scan with the true scene, camera poses and pixels."""
     nearest = Nearest([s.mesh for s in scene], SAMPLE_M)
     points = _subset(covered(np.asarray(mesh.triangles), SAMPLE_M)[0], COMPARED_POINTS)
     move = fitted(points, nearest)
@@ -81,13 +76,10 @@ def accuracy(mesh: trimesh.Trimesh, scene: Scene, truth: ScanTruth, frames: Fram
 
 
 def profile_error_db(scene: Scene, truth: Scene, move: np.ndarray, cameras: np.ndarray) -> float:
-    """Return the rms difference in dB between the range profiles of a reconstructed and of the true room.
+    """Return the rms difference in dB between the range profiles of a reconstructed and of the true room, at most with one diffraction.
 
-    All surfaces of both rooms are metal, so that the difference is due to geometry alone. The paths have at most one diffraction.
-
-    Args:
-        move: rigid motion (4, 4) from the coordinates of the reconstruction to those of the true room.
-        cameras: (N, 4, 4) poses of the scan. The radar looks from PLACES of them in the direction of the camera.
+    All surfaces are metal, so that geometry alone makes the difference. `move` (4, 4) leads from the reconstruction to the true room. The
+    radar looks from PLACES of the camera poses (N, 4, 4) in the direction of the camera.
     """
     radar = Radar.iwr1843()
     poses = [look_at(cameras[k, :3, 3], cameras[k, :3, 3] + cameras[k, :3, 2]) for k in distinct_views(cameras, PLACES)]

@@ -113,10 +113,8 @@ def scores(folder: Path, room: str, strength: float, seed: int) -> dict[str, Any
 
 
 def case_rows(room: str, strength: float, scans: Sequence[dict[str, Any]], resamples: int, seed: int, key: str) -> list[dict[str, Any]]:
-    """Return the rows of one room and strength of scanner errors.
-
-    Scores that describe a whole scan are averaged over scans. Scores that describe single surfaces are averaged over the scans of each
-    surface, and then over the surfaces.
+    """Return the rows of one room and strength of scanner errors: scores of a whole scan are averaged over scans; those of single surfaces
+    over the scans of each surface, and then over the surfaces.
     """
     surfaces = [s for scan in scans for s in scan["surfaces"]]
     clear = [s for scan in scans for s in scan["clear"]]

@@ -58,12 +58,8 @@ class Score:
 
 
 def score_scene(scene: Scene, truth: Scene, sighted: Sighted | None = None) -> Score:
-    """Score a reconstructed scene. The scene's surfaces are the segments, with holes filled and unseen areas completed.
-
-    Args:
-        sighted: function that decides which true points the sensor saw (`experiments.scans.accuracy.sighted`); None counts all as seen.
-    Raises:
-        SceneError: the true scene has no surface to compare with.
+    """Score a reconstructed scene, whose surfaces are the segments, with holes filled and unseen areas completed. `sighted` decides which
+    true points the sensor saw; None counts all. Raises SceneError if the true scene has no surface to compare with.
     """
     if not len(truth):
         raise SceneError("there is no truth to score against; give the procedural room that was scanned")

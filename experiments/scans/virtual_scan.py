@@ -32,10 +32,8 @@ SHIPPED_STRENGTH, SHIPPED_SEED = 1.0, 0
 
 
 def fetch(config: Config, store: Store, room: str, strength: float, seed: int | None = None, anew: bool = False) -> Product:
-    """Return the scanned and reconstructed room as a stored result, from the shipped rooms if one has its strength and seed.
-
-    At strength 0 it is the true furnished room. A shipped room holds the scene only; with `anew`, the result of a scan also holds its mesh
-    and photographs.
+    """Return the scanned and reconstructed room as a stored result, from the shipped rooms (scene only) if one has its strength and seed.
+    With `anew`, a scan is simulated, and the result also holds its mesh and photographs. At strength 0 it is the true furnished room.
     """
     spec = specification(config, room, strength, seed, anew)
 

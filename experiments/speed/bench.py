@@ -277,10 +277,8 @@ def scan(repeats: int, variant: str) -> Values:
 
 
 def reconstruction() -> dict[str, float]:
-    """Reconstruct the scan of a furnished laboratory in a new process. Returns the entries of `in_new_process`, and the number `faces` of
-    triangles. The times include reading the scan file and writing the reconstructed scene.
-
-    The scan consists of the true surfaces, cut into about SCAN_FACES equal triangles, with colours and with the depth noise of a phone.
+    """Reconstruct a scan in a new process: the true surfaces of a furnished laboratory in about SCAN_FACES equal triangles, with colours
+    and the depth noise of a phone. Returns the entries of `in_new_process`, for all from reading to writing, and the number `faces`.
     """
     pieces = [surface.mesh for surface in rooms.lab()]
     area = sum(float(piece.area) for piece in pieces)

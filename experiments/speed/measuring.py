@@ -154,7 +154,7 @@ def measure(
 ) -> list[dict[str, Any]]:
     """Time all methods on a test problem and return one row per method.
 
-    The first call compiles the kernels. After two repetitions there are `rounds` more, in alternating order, because a method can be slower
+    The first call compiles the kernels. After two repetitions there are `rounds` more in alternating order, because a method can be slower
     after another one. A method whose repetition takes more than `slow_s` seconds is timed once.
     """
     calls = itertools.count(1)

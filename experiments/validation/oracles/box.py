@@ -33,13 +33,9 @@ def images(size_m: np.ndarray, sensor_m: np.ndarray, bounces: int) -> Iterator[t
 def image_sum(
     size_m: np.ndarray, sensor_m: np.ndarray, axis: np.ndarray, reflection: Reflection, bounces: int, frequency_hz: np.ndarray
 ) -> np.ndarray:
-    """Return the received amplitude (F,) of the sum of all images between isotropic antennas at one point, with the phase exp(+j k L).
-
-    Args:
-        size_m: (3,) size of the room in metres; the room has a corner at the origin.
-        sensor_m: (3,) position of transmitter and receiver in metres.
-        axis: (3,) unit vector, polarisation of both antennas before projection onto the plane across the ray.
-        reflection: function of the cosine of incidence that returns (te, tm); used for all walls and all frequencies.
+    """Return the received amplitude (F,) of all images between isotropic antennas at one point, with the phase exp(+j k L). The room of
+    `size_m` (3,) has a corner at the origin, `axis` is the polarisation of both antennas before its projection across the ray, and
+    `reflection` returns (te, tm) of all walls from the cosine of incidence.
     """
     total = np.zeros(len(frequency_hz), complex)
     for amplitude, length, _ in image_paths(size_m, sensor_m, axis, reflection, bounces):

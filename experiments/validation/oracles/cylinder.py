@@ -27,13 +27,8 @@ def conductor_width(radius_m: float, wavelength_m: float) -> float:
 
 
 def layered_width(radii_m: Sequence[float], permittivities: Sequence[complex], wavelength_m: float) -> float:
-    """Return the backscatter echo width in metres of a cylinder of concentric layers in air.
-
-    Args:
-        radii_m: outer radius of each layer in metres, outermost layer first.
-        permittivities: relative permittivity of each layer, outermost first; with one entry fewer than radii_m, the core conducts
-            perfectly.
-        wavelength_m: wavelength in air in metres.
+    """Return the backscatter echo width in metres of a cylinder of concentric layers in air, outermost layer first. With one relative
+    permittivity fewer than outer radii, the core conducts perfectly.
     """
     k0 = 2 * np.pi / wavelength_m
     order = _orders(k0 * radii_m[0])

@@ -177,14 +177,8 @@ def frequencies() -> np.ndarray:
 def write(
     folder: Path, scenes: Mapping[str, Mapping[str, Strips]], selected: list[str], notes: Mapping[str, object], ends_m: np.ndarray
 ) -> None:
-    """Write scenes.json of all scenes, and solve the chosen scenes and write their fields.
-
-    Args:
-        folder: folder of the files.
-        scenes: strips of each surface of each scene.
-        chosen: names of the scenes to solve.
-        notes: further entries of scenes.json.
-        ends_m: (2, 2) positions of the transmitter and of the receiver.
+    """Write scenes.json with the strips of each surface of all scenes and further entries `notes`. Solve the chosen scenes for transmitter
+    and receiver at `ends_m` (2, 2), and write their fields.
     """
     at = frequencies()
     folder.mkdir(parents=True, exist_ok=True)

@@ -97,16 +97,8 @@ def nodes(surfaces: Iterable[np.ndarray], frequency_hz: float, per_wavelength: f
 
 
 def field(at: Nodes, frequency_hz: float, source: np.ndarray, receivers: np.ndarray, precision: type = np.complex64) -> np.ndarray:
-    """Return the scattered field at receivers (R, 2) of a unit line source at (2,), for one frequency.
-
-    Args:
-        at: the nodes of all strips.
-        frequency_hz: frequency in Hz.
-        source: position in metres. receivers: positions in metres.
-        precision: number type of the matrix.
-
-    Returns:
-        (R,) complex. The incident field of the line source is G, so the field has no unit.
+    """Return the scattered field (R,) at receivers (R, 2) of a unit line source at (2,), both in metres, for one frequency. The incident
+    field of the line source is G, so the field has no unit. `precision` is the number type of the matrix.
     """
     k = 2 * np.pi * frequency_hz / SPEED_OF_LIGHT
     current = lu_solve(
