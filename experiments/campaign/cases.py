@@ -136,7 +136,8 @@ def log(case: Case, config: CampaignConfig, measured: bool) -> Log:
 
 
 def course(case: Case, rate_hz: float, frames: int, turn_s: float = TURN_S, driven: np.ndarray | None = None) -> Log:
-    """Return the log of a recording of `frames` frames, with `turn_s` seconds per turntable revolution. All is at rest after the nominal travel.
+    """Return the log of a recording of `frames` frames, with `turn_s` seconds per turntable revolution. All is at rest after the nominal
+    travel.
 
     `driven` are (F, 4, 4) recorded poses of the rover's radar in any world frame; None stands for a straight drive at the nominal speed. A
     recorded lateral drive is moved to the nominal start. A recorded depth drive is moved along the line of sight until its smallest

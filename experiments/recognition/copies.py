@@ -48,9 +48,9 @@ Copied = Callable[..., Samples]  # `copies` of a store and its sources: configur
 
 
 def copies(store: Store, sources: Mapping[str, RecordingSource], config: Config, frame: Frame, kind: Reads = "features") -> Samples:
-    """Return feature vectors or pictures of `supervision.copies` copies of each simulated recording of a frame with one simulation. The noise
-    level of a copy comes from the measured recordings at the same distance. `sources` has the campaign of each simulation, by its name
-    in the column `twin` or `side`.
+    """Return feature vectors or pictures of `supervision.copies` copies of each simulated recording of a frame with one simulation. The
+    noise level of a copy comes from the measured recordings at the same distance. `sources` has the campaign of each simulation, by its
+    name in the column `twin` or `side`.
     """
     simulated, measured = frame[frame.domain != MEASURED], frame[frame.domain == MEASURED]
     source, noise = sources[simulated.twin.iloc[0] or simulated.side.iloc[0]], {}
