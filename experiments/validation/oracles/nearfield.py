@@ -195,7 +195,8 @@ def _rule(triangle: np.ndarray, source: np.ndarray, target: np.ndarray, waveleng
 def _across(ray: np.ndarray) -> np.ndarray:
     """Return the unit vectors of the polarisation AXIS across rays (..., 3); NaN for a ray along AXIS."""
     vector = AXIS - (ray @ AXIS)[..., None] * ray
-    return vector / np.sqrt(_dot(vector, vector))[..., None]
+    with np.errstate(invalid="ignore"):
+        return vector / np.sqrt(_dot(vector, vector))[..., None]
 
 
 def _dot(first: np.ndarray, second: np.ndarray) -> np.ndarray:
