@@ -305,7 +305,7 @@ def rank_correlation(first: ArrayLike, second: ArrayLike) -> float:
         raise InputError(f"a correlation needs three or more finite pairs, not {first.shape} and {second.shape}")
     if np.ptp(first) == 0 or np.ptp(second) == 0:
         raise InputError("a correlation needs values that differ; one of the two is constant")
-    return float(_r(rankdata(first), rankdata(second)))
+    return float(pearson(rankdata(first), rankdata(second)))
 
 
 def spearman(first: ArrayLike, second: ArrayLike, seed: int) -> Estimate:
@@ -313,7 +313,7 @@ def spearman(first: ArrayLike, second: ArrayLike, seed: int) -> Estimate:
     from scipy.stats import rankdata
 
     value, ranks = rank_correlation(first, second), rankdata(second)
-    return permuted(value, _r(rankdata(first), ranks[orders(len(ranks), seed)]), len(ranks), SIGNED, FISHER)
+    return permuted(value, pearson(rankdata(first), ranks[orders(len(ranks), seed)]), len(ranks), SIGNED, FISHER)
 
 
 def correlation(first: NDArray, second: NDArray) -> float:
@@ -336,8 +336,8 @@ def mantel(first: ArrayLike, second: ArrayLike, seed: int) -> Estimate:
     if not (np.ptp(first[rows, columns]) and np.ptp(second[rows, columns])):
         raise InputError("Mantel test: all distances of one matrix are equal")
     shuffled = orders(count, seed)
-    shuffled = _r(first[rows, columns], second[shuffled[:, rows], shuffled[:, columns]])
-    return permuted(float(_r(first[rows, columns], second[rows, columns])), shuffled, count, SIGNED, FISHER)
+    shuffled = pearson(first[rows, columns], second[shuffled[:, rows], shuffled[:, columns]])
+    return permuted(float(pearson(first[rows, columns], second[rows, columns])), shuffled, count, SIGNED, FISHER)
 
 
 def share(successes: float, trials: int) -> Estimate:
@@ -444,7 +444,7 @@ def ms_ssim(first: NDArray, second: NDArray) -> float:
     return product
 
 
-def _r(first: NDArray, second: NDArray) -> NDArray:
+def pearson(first: NDArray, second: NDArray) -> NDArray:
     """Compute Pearson's correlation coefficient along the last axis; NaN where all values of one input are equal."""
     first, second = first - first.mean(axis=-1, keepdims=True), second - second.mean(axis=-1, keepdims=True)
     norm = np.sqrt(np.sum(first**2, axis=-1) * np.sum(second**2, axis=-1))

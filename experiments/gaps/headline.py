@@ -86,20 +86,19 @@ REGISTERED = {False: range(100, 110), True: range(100, 103)}  # draws that decid
 AT_1_M = {"distance_m": 1.0}  # every profile has turntable recordings at 1 m, and the quick profile at no other distance
 
 
-def on_probe(probe: str, unless: Mapping[str, Any]) -> tuple[Headline, Headline]:
+def on_probe(probe: str, unless: Mapping[str, Any]) -> list[Headline]:
     """Return the two claims about the table labelled_probe for one of its probes (ways to classify with labelled recordings)."""
-    case = {"supervision": "few_shot", "probe": probe, "layout": None}
-    return (
+    case, pretrained = {"supervision": "few_shot", "probe": probe, "layout": None}, labelled_probe.PRETRAINED
+    return [
         Headline(
-            f"training on simulation beats raw features ({probe})", "labelled probe", "labelled_probe", "gain in accuracy",
-            {**case, "method": f"{labelled_probe.PRETRAINED} - {labelled_probe.RAW}"}, unless, GAIN,
-        ),
-        Headline(
-            f"training on our simulation is more accurate than on RF-Genesis ({probe})", "labelled probe", "labelled_probe",
-            "gain in accuracy",
-            {**case, "method": f"{labelled_probe.PRETRAINED} - {labelled_probe.RIVAL}"}, unless, GAIN,
-        ),
-    )  # fmt: skip
+            f"{text} ({probe})", "labelled probe", "labelled_probe", "gain in accuracy", {**case, "method": f"{pretrained} - {other}"},
+            unless, GAIN,
+        )
+        for text, other in (
+            ("training on simulation beats raw features", labelled_probe.RAW),
+            ("training on our simulation is more accurate than on RF-Genesis", labelled_probe.RIVAL),
+        )
+    ]  # fmt: skip
 
 
 HEADLINES = (
@@ -204,17 +203,9 @@ def strengths(config: Config) -> list[float]:
 
 def compared(config: Config) -> Config:
     """Return the configuration with the campaign at which the strengths are compared, and without the rows that no claim needs."""
-    profile = config.profile
-    return replace(
-        config,
-        profile=replace(
-            profile,
-            campaign=replace(profile.strength_campaign, first_draw=profile.campaign.first_draw),
-            unknown_contents=False,
-            exact_objects=False,
-            layout_turns=0,
-        ),
-    )
+    campaign = replace(config.profile.strength_campaign, first_draw=config.profile.campaign.first_draw)
+    profile = replace(config.profile, campaign=campaign, unknown_contents=False, exact_objects=False, layout_turns=0)
+    return replace(config, profile=profile)
 
 
 def tables(config: Config) -> dict[tuple[float | str, str], Config]:

@@ -178,10 +178,8 @@ def _rank_correlations(values: NDArray) -> NDArray[np.floating]:
     """Return the Spearman correlations (features,) of measured and simulated values (n, 2, features); NaN for a constant feature."""
     from scipy.stats import rankdata
 
-    first, second = (rankdata(values[:, side], axis=0) for side in (0, 1))
-    first, second = first - first.mean(axis=0), second - second.mean(axis=0)
-    norm = np.sqrt(np.sum(first**2, axis=0) * np.sum(second**2, axis=0))
-    return np.divide(np.sum(first * second, axis=0), norm, out=np.full(len(norm), np.nan), where=norm > 0)
+    first, second = np.moveaxis(rankdata(values, axis=0), 0, 2)
+    return statistics.pearson(first, second)
 
 
 def bootstrap(
@@ -192,14 +190,8 @@ def bootstrap(
     rng = np.random.default_rng(seed)
     drawn = []
     for _ in range(min(resamples, MOST_DRAWN)):
-        index = rng.choice(len(names), len(names))
-        again = {
-            (str(number), room, distance): values
-            for number, i in enumerate(index)
-            for (name, room, distance), values in levels.items()
-            if name == names[i]
-        }
-        drawn.append(statistic(again))
+        again = list(enumerate(names[i] for i in rng.choice(len(names), len(names))))
+        drawn.append(statistic({(str(k), *at[1:]): values for k, name in again for at, values in levels.items() if at[0] == name}))
     value = statistic(levels)
     return statistics.resampled(value, np.clip(statistics.widened(np.array(drawn), value, len(names)), *limits), len(names), limits)
 
