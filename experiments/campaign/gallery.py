@@ -141,20 +141,11 @@ def view(processed: Processed, log: Log, recording: Callable[[], Recording]) -> 
         kept = np.abs(velocity) <= FASTEST_MPS
         doppler = np.mean(np.abs(spectra[kept][..., : len(processed.range_m)]) ** 2, axis=(1, 2))
         doppler_axis, point = velocity[kept], (speed[middle : middle + 1], nominal[middle : middle + 1])
-    return View(
-        range_m=processed.range_m,
-        across={"time": time_s, "Doppler": doppler_axis, "azimuth": np.degrees(AZIMUTH_RAD[::-1])},
-        maps={
-            "time": processed.power[:count].astype(np.float64),
-            "Doppler": doppler.astype(np.float64),
-            "azimuth": np.mean(np.abs(beams[::-1]) ** 2, axis=1),
-        },
-        truth={
-            "time": (time_s, nominal),
-            "Doppler": point,
-            "azimuth": (np.degrees(azimuth[middle : middle + 1]), nominal[middle : middle + 1]),
-        },
-    )
+    here = np.degrees(azimuth[middle : middle + 1]), nominal[middle : middle + 1]
+    across = {"time": time_s, "Doppler": doppler_axis, "azimuth": np.degrees(AZIMUTH_RAD[::-1])}
+    maps = {"time": processed.power[:count], "Doppler": doppler, "azimuth": np.mean(np.abs(beams[::-1]) ** 2, axis=1)}
+    maps = {name: power.astype(np.float64) for name, power in maps.items()}
+    return View(processed.range_m, across, maps, {"time": (time_s, nominal), "Doppler": point, "azimuth": here})
 
 
 def course(log: Log, frames: int) -> tuple[Real, Real, Real]:

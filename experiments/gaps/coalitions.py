@@ -105,17 +105,8 @@ class Sides:
                 (key, processed), log = self.processed(domain, on, case), self.log(domain, case)
                 names, frames = families.frames(processed, log, FEATURES)
                 compared = {"vector": families.vector(processed, log, FEATURES, WITHOUT)[1], "range_m": processed.range_m}
-                rows.append(
-                    {
-                        **asdict(case),
-                        "domain": domain,
-                        "key": key,
-                        **compared,
-                        "profile": processed.power.mean(axis=0, dtype=np.float64),
-                        "frames": frames,
-                        "frame_features": np.array(names),
-                    }
-                )
+                compared["profile"] = processed.power.mean(axis=0, dtype=np.float64)
+                rows.append(asdict(case) | {"domain": domain, "key": key, "frames": frames, "frame_features": np.array(names)} | compared)
             self._read[domain, on] = pd.DataFrame(rows)
         return self._read[domain, on]
 

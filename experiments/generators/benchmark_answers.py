@@ -33,39 +33,23 @@ GATE_M = (NEAR_M, FAR_M)  # range gate of the features of the study
 # The full-wave fields lack the waves from the upper and lower ends of the walls, 1.6 m above and below the radar.
 FULL_WAVE_GATE_M = (fullwave.NEAR_M, fullwave.FAR_M)
 # For each problem: the method of the answer, the signal error of the answer, and how this error is known (docs/benchmark.md).
+FIELDS = "two-dimensional full wave (method of moments), converted to point sources"
 RESTS_ON = {
     "canonical": (
-        "Mie series (sphere); series and Fresnel integral (cylinder); physical optics by near-field quadrature (plate, trihedral)",
-        0.07,
+        "Mie series (sphere); series and Fresnel integral (cylinder); physical optics by near-field quadrature (plate, trihedral)", 0.07,
         "rms of the four targets: sphere 1e-6 (series); cylinder 4e-3 (finite length); plate 0.021 and trihedral 0.144 (physical optics "
         "against the method of moments on the same sections in two dimensions)",
     ),
-    "near": (
-        "physical optics by near-field quadrature, all orders of the three faces",
-        0.06,
-        "physical optics against the method of moments on the same section in two dimensions",
-    ),
+    "near": ("physical optics by near-field quadrature, all orders of the three faces", 0.06,
+             "physical optics against the method of moments on the same section in two dimensions"),
     "empty_room": (
-        f"image sources of up to {ORDERS} bounces, vector reflection at each wall",
-        1e-3,
+        f"image sources of up to {ORDERS} bounces, vector reflection at each wall", 1e-3,
         "truncation 2e-4; reflection coefficients at the centre of the sweep 2e-4; curvature of the wave 3e-4 per bounce (an estimate)",
     ),
-    "object_in_room": (
-        "two-dimensional full wave (method of moments), converted to point sources",
-        0.02,
-        "discretisation 2e-3, conversion 4e-3, upper and lower ends of the box 0.02",
-    ),
-    "furnished_drive": (
-        "two-dimensional full wave (method of moments), converted to point sources",
-        0.005,
-        "discretisation 2e-3, conversion 4e-3",
-    ),
-    ROOMS: (
-        "two-dimensional full wave (method of moments), converted to point sources",
-        0.02,
-        "discretisation 2e-3 (thirty seeded rooms) or 0.02 (nine given rooms), conversion 4e-3",
-    ),
-}
+    "object_in_room": (FIELDS, 0.02, "discretisation 2e-3, conversion 4e-3, upper and lower ends of the box 0.02"),
+    "furnished_drive": (FIELDS, 0.005, "discretisation 2e-3, conversion 4e-3"),
+    ROOMS: (FIELDS, 0.02, "discretisation 2e-3 (thirty seeded rooms) or 0.02 (nine given rooms), conversion 4e-3"),
+}  # fmt: skip
 
 
 def rooms() -> speed.Problem:

@@ -130,23 +130,11 @@ class Timed:
         shared = self.setup_s / self.problem.frames
         seconds, wall = np.array(self.times).T + shared
         errors = self.score()
-        return {
-            "problem": self.problem.name,
-            "family": self.method.family,
-            "setting": self.method.setting,
-            "seconds_frame": float(np.median(seconds)),
-            "seconds": seconds.tolist(),
-            "wall_s_frame": float(np.median(wall)),
-            "setup_s": self.setup_s,
-            "frames timed": self.frames,
-            "memory_mib": self.memory_mib,
-            "rays": self.rays,
-            "signal_error": errors.signal,
-            "profile_error_db": errors.profile_db,
-            "offset_db": errors.offset_db,
-            "free_error_db": errors.free_db,
-            "exact": not self.method.backend,
-        }
+        case = {"problem": self.problem.name, "family": self.method.family, "setting": self.method.setting}
+        times = {"seconds_frame": float(np.median(seconds)), "seconds": seconds.tolist(), "wall_s_frame": float(np.median(wall))}
+        spent = {"setup_s": self.setup_s, "frames timed": self.frames, "memory_mib": self.memory_mib, "rays": self.rays}
+        found = {"signal_error": errors.signal, "profile_error_db": errors.profile_db, "offset_db": errors.offset_db}
+        return {**case, **times, **spent, **found, "free_error_db": errors.free_db, "exact": not self.method.backend}
 
 
 def measure(
