@@ -31,22 +31,15 @@ class Part:
 
 @dataclass(frozen=True)
 class Query:
-    """The recordings that a table reads: those of `config` in both domains, and those of further parts.
-
-    Attributes:
-        motions, room, several: those of `frame.shared`.
-        side: side of the configured simulation.
-        unknown: whether to add the simulation in which the contents of vessels are unknown (twin UNKNOWN, profile.unknown_contents).
-        exact: whether to add one draw of the testbed without the gaps OBJECT_GAPS (truth EXACT, profile.exact_objects).
-    """
+    """The recordings that a table reads: those of `config` in both domains, and those of further parts."""
 
     config: Config
     motions: Sequence[str]
     room: str | None = None
     several: bool = False
-    side: str = ""
-    unknown: bool = False
-    exact: bool = False
+    side: str = ""  # side of the configured simulation
+    unknown: bool = False  # add the simulation in which the contents of vessels are unknown (twin UNKNOWN, profile.unknown_contents)
+    exact: bool = False  # add one draw of the testbed without the gaps OBJECT_GAPS (truth EXACT, profile.exact_objects)
     more: Sequence[Part] = ()
 
     @property

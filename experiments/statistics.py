@@ -36,16 +36,8 @@ STUDENT, PERMUTATION, BINOMIAL = "Student's t", "permutation", "exact binomial"
 
 @dataclass(frozen=True)
 class Estimate:
-    """An estimate from n items with its confidence interval, low <= value <= high.
-
-    Attributes:
-        drawn: (resamples,) the estimates of the bootstrap samples, or None if the interval does not come from a bootstrap.
-        limits: smallest and largest value that the quantity can have, such as -1 and 1 of a correlation.
-        freedom: degrees of freedom of the interval, from which `p` and `at_level` follow; None stands for n - 1.
-        scale: scale on which the interval is symmetric, a key of SCALES.
-        shuffled: (permutations,) the estimates with permuted objects, or None if the test is no permutation test.
-        closed: whether the objects are the classes of a closed set, so that only the spread over draws is an error.
-        test: name of the test that the interval inverts. unit: what the test permutes or resamples.
+    """An estimate from n items with its confidence interval, low <= value <= high. The arrays `drawn` (resamples,) and `shuffled`
+    (permutations,) are the estimates of the bootstrap samples and with permuted objects, or None for another test.
     """
 
     value: float
@@ -53,13 +45,13 @@ class Estimate:
     high: float
     n: int
     drawn: NDArray[np.floating] | None = field(default=None, repr=False, compare=False)
-    limits: tuple[float, float] = ANY
-    freedom: float | None = None
-    scale: str = ""
+    limits: tuple[float, float] = ANY  # smallest and largest value that the quantity can have
+    freedom: float | None = None  # degrees of freedom of the interval, from which `p` and `at_level` follow; None stands for n - 1
+    scale: str = ""  # scale on which the interval is symmetric, a key of SCALES
     shuffled: NDArray[np.floating] | None = field(default=None, repr=False, compare=False)
-    closed: bool = False
-    test: str = STUDENT
-    unit: str = "recordings"
+    closed: bool = False  # whether the objects are the classes of a closed set, so that only the spread over draws is an error
+    test: str = STUDENT  # name of the test that the interval inverts
+    unit: str = "recordings"  # what the test permutes or resamples
 
     @property
     def degrees(self) -> float:

@@ -64,26 +64,17 @@ class Claim:
     """A claim about one table row, by the paper or by this project, with the condition that our result must meet.
 
     Bounds are minimum effects. docs/findings.md says when they were written. A claim without text is not judged.
-
-    Attributes:
-        text: the claim in words. paper: the value in the paper.
-        bound, direction: the whole confidence interval must lie above or below the bound; for a claim of no effect (EQUAL), it must lie
-            within `margin` around `null`.
-        null: value that stands for no effect; None stands for the bound.
-        least: smallest number of items that have an interval; a figure that is no estimate has 1.
-        limit: whether the claim is a limit of an engineering table, which says "holds" or "misses".
-        untestable: reason why this testbed cannot decide the claim by construction.
     """
 
     text: str = ""
-    paper: str = ""
-    bound: float | None = None
-    direction: str = ABOVE
-    null: float | None = None
+    paper: str = ""  # the value in the paper
+    bound: float | None = None  # the whole confidence interval must lie beyond it, on the side `direction`
+    direction: str = ABOVE  # ABOVE, BELOW, or for a claim of no effect EQUAL: within `margin` around `null`
+    null: float | None = None  # value that stands for no effect; None stands for the bound
     margin: float | None = None
-    least: int = 2
-    limit: bool = False
-    untestable: str = ""
+    least: int = 2  # smallest number of items that have an interval; a figure that is no estimate has 1
+    limit: bool = False  # whether the claim is a limit of an engineering table, which says "holds" or "misses"
+    untestable: str = ""  # reason why this testbed cannot decide the claim by construction
 
     def columns(self, estimate: Estimate) -> dict[str, Any]:
         """Return the columns of a row from which the verdict follows, with the verdict; an estimate without an error has no interval."""
@@ -122,25 +113,17 @@ NONE = Claim()
 
 @dataclass(eq=False)
 class Row(dict[str, Any]):
-    """A table row as a dictionary {column: value}, with the estimate, the claim and the store keys that the columns show.
+    """A table row as a dictionary {column: value}, with the estimate, the claim and the store keys that the columns show."""
 
-    Attributes:
-        case: columns that say what the row is about.
-        recordings: store keys of the recordings.
-        count: number that column n shows; None stands for the number of keys, or without keys for the number of items.
-        domain: data with which the value was compared; None stands for the configured measured recordings.
-        panel: what a figure shows beside the row.
-    """
-
-    case: Mapping[str, Any]
+    case: Mapping[str, Any]  # columns that say what the row is about
     metric: str
     estimate: Estimate
-    recordings: frozenset[str]
+    recordings: frozenset[str]  # store keys
     claim: Claim
     config: Config = field(repr=False)
-    count: int | None = None
-    domain: str | None = None
-    panel: Any = field(default=None, repr=False)
+    count: int | None = None  # column n; None stands for the number of keys, or without keys of items
+    domain: str | None = None  # data with which the value was compared; None stands for the configured measured recordings
+    panel: Any = field(default=None, repr=False)  # what a figure shows beside the row
 
     def __post_init__(self) -> None:
         estimate = self.estimate

@@ -59,24 +59,16 @@ TABLE = Table(
 
 @dataclass(frozen=True)
 class Headline:
-    """One claim of the paper, and the table row that judges it.
+    """One claim of the paper, and the table row that judges it."""
 
-    Attributes:
-        text: the claim in words. source: where the paper states it.
-        table, metric: the table and the metric of the row. where: values that further columns of this row must have.
-        unless: values of columns; the claim is left out if a row of the same table has all these values.
-        claim: the condition, which the row must state too; without a bound, the bound is the accuracy of chance.
-        test: test of the claim and unit of this test, over all draws of the paper profile.
-    """
-
-    text: str
-    source: str
+    text: str  # the claim in words
+    source: str  # where the paper states it
     table: str
     metric: str
-    where: Mapping[str, Any] = field(default_factory=dict)
-    unless: Mapping[str, Any] = field(default_factory=dict)
-    claim: Claim = NONE
-    test: tuple[str, str] = (STUDENT, "draws")
+    where: Mapping[str, Any] = field(default_factory=dict)  # values that further columns of the row must have
+    unless: Mapping[str, Any] = field(default_factory=dict)  # the claim is left out if a row of the table has all these values
+    claim: Claim = NONE  # the row must state it too; without a bound, the bound is the accuracy of chance
+    test: tuple[str, str] = (STUDENT, "draws")  # test of the claim and unit of this test, over all draws of the paper profile
 
 
 ON_OBJECTS, ON_BOTH = (PERMUTATION, "objects"), (STUDENT, "draws and objects")  # tests

@@ -100,18 +100,12 @@ def correct(predictions: Sequence[NDArray], truth: NDArray) -> NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """Declare the cells about predictions on the measured recordings of one draw. Column n counts measured recordings.
-
-    Attributes:
-        truth: the N classified rows, with their classes.
-        of: the recordings of the cells. If they have several simulations (column `side`), `compared` takes those that a cell names.
-        chance: accuracy of a random guess.
-    """
+    """Declare the cells about predictions on the measured recordings of one draw. Column n counts measured recordings."""
 
     config: Config
-    truth: Samples
-    of: Frame
-    chance: float
+    truth: Samples  # the N classified rows, with their classes
+    of: Frame  # the recordings of the cells; if they have several simulations (column `side`), `compared` takes those that a cell names
+    chance: float  # accuracy of a random guess
 
     def accuracy(
         self, case: Mapping[str, Any], hits: NDArray, claim: Claim = NONE, balanced: bool = False,

@@ -28,21 +28,15 @@ FIT_POINTS, COMPARED_POINTS = 10_000, 100_000  # numbers of random samples of th
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Distances between a reconstructed mesh and the true scene, and shares of the true surface.
-
-    Attributes:
-        median_m, p95_m: median and 95 % quantile of the distance in metres from the mesh to the true surfaces. Before the distance is
-            computed, the mesh is moved by the best-fitting rigid motion, because the coordinate frame of a scan is arbitrary.
-        coverage: share of the true area seen by the sensor that is within COVERED_M of the mesh, after the rigid motion of the mesh.
-        seen: share of the true area that the sensor saw.
-        move: the rigid motion (4, 4).
+    """Distances in metres from a reconstructed mesh to the true surfaces, and shares of the true surface, after the best-fitting rigid
+    motion of the mesh, because the coordinate frame of a scan is arbitrary.
     """
 
     median_m: float
-    p95_m: float
-    coverage: float
-    seen: float
-    move: np.ndarray
+    p95_m: float  # 95 % quantile
+    coverage: float  # share of the true area seen by the sensor that is within COVERED_M of the mesh
+    seen: float  # share of the true area that the sensor saw
+    move: np.ndarray  # (4, 4) the rigid motion
 
 
 def accuracy(mesh: trimesh.Trimesh, scene: Scene, truth: ScanTruth, frames: Frames) -> Accuracy:

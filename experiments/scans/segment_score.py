@@ -20,41 +20,27 @@ MIN_AREA_M2 = 0.25
 
 @dataclass(frozen=True)
 class SurfaceScore:
-    """Scores of one true surface.
-
-    Attributes:
-        area_m2: area of the true surface seen by the sensor; for glass and mirrors the whole area of the surface.
-        segment: name of the surface's segment, or "-" for a surface without a segment, whose precision is NaN.
-        flush: share of the seen area that is at most FLUSH_M above another surface, so that the depth noise hides the step.
-        through: for glass and mirrors, the share of area in segments that are at least half glass or mirror; NaN for other surfaces.
-    """
+    """Scores of one true surface."""
 
     name: str
-    area_m2: float
-    segment: str
+    area_m2: float  # area seen by the sensor; for glass and mirrors the whole area
+    segment: str  # name of the segment, or "-" without one; the precision is then NaN
     recall: float
     precision: float
     iou: float
-    flush: float
-    through: float
+    flush: float  # share of the seen area at most FLUSH_M above another surface, so that the depth noise hides the step
+    through: float  # share of area in segments that are at least half glass or mirror; NaN for other surfaces
 
 
 @dataclass(frozen=True)
 class Score:
-    """Scores of all true surfaces whose area is at least MIN_AREA_M2.
+    """Scores of all true surfaces whose area is at least MIN_AREA_M2."""
 
-    Attributes:
-        surfaces: scores of all surfaces except glass and mirrors; the largest surface comes first.
-        clear: scores of all surfaces of glass and mirrors.
-        boundary_median_m, boundary_p95_m: median and 95 % quantile of the boundary error in metres, over the segments of `surfaces`.
-        missed_flush: of the seen area of `surfaces` that their segments miss, the share on surfaces flush with another surface.
-    """
-
-    surfaces: list[SurfaceScore]
-    clear: list[SurfaceScore]
-    boundary_median_m: float
-    boundary_p95_m: float
-    missed_flush: float
+    surfaces: list[SurfaceScore]  # all surfaces except glass and mirrors; the largest comes first
+    clear: list[SurfaceScore]  # all surfaces of glass and mirrors
+    boundary_median_m: float  # boundary error over the segments of `surfaces`
+    boundary_p95_m: float  # 95 % quantile of the same error
+    missed_flush: float  # of the seen area of `surfaces` that their segments miss, the share on surfaces flush with another surface
 
 
 def score_scene(scene: Scene, truth: Scene, sighted: Sighted | None = None) -> Score:

@@ -31,24 +31,15 @@ Sighted = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """True surfaces of a room, cut into K pieces and sampled at N points.
+    """True surfaces of a room, cut into K pieces and sampled at N points."""
 
-    Attributes:
-        scene: scene whose K surfaces are the pieces of the true surfaces.
-        clear: boolean (K,), true for each piece that is glass or a mirror.
-        points, normals: (N, 3) sampled points in metres, one point per SPACING_M^2, and their unit normals.
-        piece: (N,) index of the piece on which each sampled point lies.
-        seen: boolean (N,), true for each sampled point that the sensor saw.
-        outlines: (E, 3) points in metres along the edges of the pieces.
-    """
-
-    scene: Scene
-    clear: np.ndarray
-    points: np.ndarray
-    normals: np.ndarray
-    piece: np.ndarray
-    seen: np.ndarray
-    outlines: np.ndarray
+    scene: Scene  # its K surfaces are the pieces of the true surfaces
+    clear: np.ndarray  # (K,) whether a piece is glass or a mirror
+    points: np.ndarray  # (N, 3) in metres, one per SPACING_M^2
+    normals: np.ndarray  # (N, 3) unit normals of the points
+    piece: np.ndarray  # (N,) index of the piece of each point
+    seen: np.ndarray  # (N,) whether the sensor saw a point
+    outlines: np.ndarray  # (E, 3) points in metres along the edges of the pieces
 
     @classmethod
     def of(cls, truth: Scene, sighted: Sighted | None = None) -> Truth:

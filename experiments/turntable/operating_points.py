@@ -54,25 +54,16 @@ class Condition(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """The figures of one operating point, for each of N measured recordings.
+    """The figures of one operating point, for each of N measured recordings."""
 
-    Attributes:
-        leg_m: leg of the corner reflector in metres.
-        average: average of the power over frames, a key of AVERAGES.
-        window: a key of WINDOWS_M. scale: a key of SCALES.
-        ratio_db: energy of the target over the energy beyond it, in decibels.
-        values: {"share", "void", "room"}: (N,) energy share beyond the target, and correlations with the measured profile.
-        keys: store keys of the recordings.
-    """
-
-    leg_m: float
+    leg_m: float  # leg of the corner reflector
     condition: Condition
-    average: str
-    window: str
-    scale: str
-    ratio_db: float
-    values: Mapping[str, np.ndarray]
-    keys: Sequence[str]
+    average: str  # average of the power over frames, a key of AVERAGES
+    window: str  # a key of WINDOWS_M
+    scale: str  # a key of SCALES
+    ratio_db: float  # energy of the target over the energy beyond it
+    values: Mapping[str, np.ndarray]  # by FIGURES: (N,) energy share beyond the target, and correlations with the measured profile
+    keys: Sequence[str]  # store keys of the recordings
 
     @property
     def name(self) -> str:
