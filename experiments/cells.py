@@ -1,11 +1,9 @@
 """Compute the rows of a result table from the frame (experiments.campaign.frame).
 
-A result table declares cells. A cell is one row of the table: the rows of the frame that it selects, the estimate, and the claim if it
-states one. A table's function `cells` receives the frame of one draw of the measurement (the measured recordings of this draw, and all
-simulated recordings), so that a cell may depend on what the draw has. `table_rows` computes each cell for every draw and joins them.
-
-An estimate is made by one of the functions below from the VALUES of its units, over which it resamples: a column's name gives one unit for
-each selected recording, `per` one unit for each object, and an array is used as it is.
+A table declares cells, each one row of the table: the rows of the frame that it selects, the estimate, and the claim if it states one. Its
+function `cells` receives the frame of one draw (the measured recordings of this draw, and all simulated ones); `table_rows` computes the
+cells of every draw and joins them. An estimate is made by one of the functions below from the VALUES of its units, over which it resamples:
+a column's name gives one unit for each selected recording, `per` one unit for each object, and an array is used as it is.
 """
 
 import itertools
@@ -32,9 +30,7 @@ AVERAGED, SUMMED = ("chance", "seed_sd"), ("answers", "first_only", "second_only
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """One row of a result table: `case` has the columns that say what the row is about, and `of` the rows of the frame that the estimate
-    uses, whose recordings the row names.
-    """
+    """One row of a result table: the columns `case` say what it is about, and `of` are the rows of the frame that the estimate uses."""
 
     case: Mapping[str, Any]
     metric: str

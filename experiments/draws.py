@@ -1,8 +1,7 @@
 """Read the frame of a table: all draws of the measurement, and all versions of simulation and testbed.
 
-A draw of the campaign (experiments.campaign.cases.Case) is one sample of everything that the testbed chooses at random. The options
-profile.campaign.draws (turntable and rail) and profile.campaign.rover_draws (drives) set the number of draws. The simulation under test is
-the same for all draws.
+A draw (experiments.campaign.cases.Case) is one sample of everything that the testbed chooses at random; profile.campaign.draws (turntable
+and rail) and profile.campaign.rover_draws (drives) set their number. The simulation under test is the same for all draws.
 """
 
 from collections.abc import Callable, Mapping, Sequence

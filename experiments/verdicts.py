@@ -179,8 +179,6 @@ class RowList(list[Row]):
         self, case: Mapping[str, Any], metric: str, samples: ArrayLike, keys: Iterable[str], claim: Claim = NONE,
         limits: tuple[float, float] = statistics.ANY, on: str = "",
     ) -> Row:  # fmt: skip
-        """Append one row with the mean of the samples, a quantity within `limits`, and its confidence interval from a bootstrap over the
-        samples, on the scale `on` (`statistics.SCALES`).
-        """
+        """Append a row with the mean of samples of a quantity within `limits`, and its bootstrap interval on the scale `on` (SCALES)."""
         estimate = statistics.mean(samples, self.config.profile.resamples, self.config.seed, limits, on=on)
         return self.add(case, metric, estimate, keys, claim)

@@ -1,8 +1,7 @@
 """Export the recordings of the virtual measurements (testbed) as a recording set on disk: samples, index rows and logged poses.
 
-The export does not contain the true scene from which the virtual measurements were simulated. With the options `measured=recordings
-measured.folder=SET`, the study uses the exported recording set as its measurements. If an export was interrupted, a second call with the
-same folder exports the missing recordings.
+The set does not contain the true scene; measured=recordings measured.folder=SET uses it as the measurements of the study. A second call
+continues an interrupted export.
 """
 
 from collections.abc import Sequence

@@ -1,11 +1,9 @@
 """Draw the gallery: measured and simulated recordings side by side as maps of range over time, Doppler and azimuth.
 
-The measured and the simulated map of the same kind (such as Doppler) have the same colour scale. The option
-experiment.pairs=[OBJECT/ROOM/MOTION/DISTANCE_M, ...] chooses the recordings, such as mug/squash_court/lateral/1. If the option is empty,
-the gallery shows the profile's list PAIRS, or the first recordings of a recording set. Dashed lines and rings in the maps mark the
-target's logged position. For a turntable, the Doppler spectrum is computed over the frames of a revolution, so the frame rate limits its
-unambiguous Doppler frequency. The azimuth map of a turntable is a mean over the revolution. For motions without a turntable, the Doppler
-map and the azimuth map show the middle frame of the recording.
+The option experiment.pairs=[OBJECT/ROOM/MOTION/DISTANCE_M, ...] chooses the recordings, such as mug/squash_court/lateral/1; without it they
+are the profile's list PAIRS, or the first recordings of a recording set. Dashed lines and rings mark the target's logged position. The maps
+of a turntable are those of a whole revolution (its frame rate limits the Doppler frequency), the Doppler and azimuth maps of other motions
+those of the middle frame.
 """
 
 from collections.abc import Callable
@@ -120,9 +118,7 @@ def parse(pair: str) -> Case:
 
 
 def view(processed: Processed, log: Log, recording: Callable[[], Recording]) -> View:
-    """Compute the three power maps of one recording. The Doppler map is that of all frames of a turntable, or of the samples of the middle
-    frame, which `recording` loads.
-    """
+    """Compute the power maps of a recording; `recording` loads the samples of the middle frame, for the Doppler map without a turntable."""
     turning = log.angle_rad is not None
     count = processed.num_frames if log.angle_rad is None else envelope.frames_per_revolution(log.angle_rad)
     time_s, middle = np.arange(count) / log.frame_rate_hz, count // 2

@@ -1,9 +1,8 @@
 """Simulate one part of the campaign's recordings, so that the jobs of a sweep on several machines share the campaign.
 
-The recordings in the order of `Campaign.plan` are cut into n parts of about equal size, and part k of n is one job. In this order,
-recordings along the same path of the radar are adjacent. Parts have no recording in common. While a job computes a result, the store locks
-this result, so that two jobs never compute the same scan. If a job is killed, the store keeps its finished recordings, and the next call of
-the job simulates the others.
+The recordings in the order of `Campaign.plan`, in which those along one path of the radar are adjacent, are cut into n parts of about equal
+size. The store locks a result while a job computes it, so that no two jobs compute the same scan, and the next call of a killed job
+continues it.
 """
 
 import numpy as np

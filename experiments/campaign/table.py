@@ -1,11 +1,9 @@
 """The table `campaign`: run time and disk space of every measured and simulated recording. Missing recordings are simulated.
 
-The run time of a recording is the time that one worker took to simulate the recording. With parallel workers, the whole campaign takes less
-time than the sum of these run times. The profile `paper` measures the paper's campaign; all other profiles extrapolate its run time and
-disk space. The extrapolated disk space of the campaign follows from array shapes. The extrapolated run time of the campaign is a sum over
-domains and motions. Each term of this sum has three parts: the times of set-ups (a track, or a room whose parts drift), of traced states
-(an angle of a turntable, or a frame of a drive), and of processed frames. The time per traced state is measured on the recordings that
-reused a cached set-up. The run time of another recording minus the time of its traced states is its set-up time.
+The run time of a recording is the time that one worker took. The profile `paper` measures the paper's campaign; all other profiles
+extrapolate it: the disk space from array shapes, and the run time as a sum over domains and motions of the times of set-ups (a track, or a
+room whose parts drift), of traced states (an angle of a turntable, or a frame of a drive), and of processed frames. The time per traced
+state comes from the recordings that reused a set-up; what another recording takes longer is its set-up time.
 """
 
 from collections import defaultdict

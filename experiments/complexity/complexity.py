@@ -208,9 +208,7 @@ def _requirements(name: str, probe_of: ProbeOf, motion: str, thing: str, store: 
 
 
 def staged_case(case: Case, config: Config) -> ProbeOf:
-    """Return a function that builds a probe (a group of frames on which models are compared) of a case, in the room without scan errors.
-    Its arguments choose the frames (`ProbeOf`).
-    """
+    """Return the function that builds the probe (frames on which models are compared) of a case, in the room without scan errors."""
     frames = timing.FRAMES[case.motion != "turntable"]
     nominal: Log = log(case, CampaignConfig(frames_per_turn=frames, rover_every=1), measured=False)
     motion = {case.object: np.repeat(nominal.target_poses, nominal.frames // len(nominal.target_poses), axis=0)}

@@ -1,9 +1,8 @@
 """Measure how each simulator setting changes run time, simulated features, and the results of the fidelity tables.
 
-The feature errors are relative to the features under the finest simulator setting. The measured recordings are the same for all settings.
-The simulation of a drive computes some quantities only at steps along its track. These steps are equally coarse in all settings, so the
-table underestimates the feature errors of drives. For comparison, the features of recordings of different objects, distances and rooms
-differ by 1.4 standard deviations. docs/sweeps.md shows how to run the same comparison as a parameter sweep.
+The feature errors are relative to the finest setting; the measured recordings are the same for all settings. The steps along the track of a
+drive are equally coarse in all settings, so the table underestimates the errors of drives. For comparison, the features of different
+objects, distances and rooms differ by 1.4 standard deviations. docs/sweeps.md shows the same comparison as a parameter sweep.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

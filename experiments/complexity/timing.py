@@ -1,9 +1,8 @@
 """Measure the run time of simulation models per frame of a whole recording, from a short and a longer simulated recording.
 
-The run time of a recording has a fixed part, such as tracing the room once for a radar at rest, and a part that grows with the number of
-frames. The fixed part and the part per frame are estimated from a recording of all frames of a `Probe` (the frames on which simulator=auto
-compares models) and a recording of half as many frames. The simulation models are timed in turn, in several rounds. A few frames are
-simulated before the timing, so that all kernels are compiled. Each simulation model is timed with a cache that is empty at the start.
+A recording of all frames of a `Probe` and one of half as many give the fixed part of the run time (such as tracing the room once for a
+radar at rest) and the part per frame. The models are timed in turn, in several rounds, each with an empty cache and after the kernels are
+compiled.
 """
 
 import tempfile

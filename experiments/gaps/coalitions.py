@@ -1,12 +1,9 @@
-"""Simulate recordings with any set of gaps (differences between virtual measurement and simulation), and compute the losses that this set
-causes.
+"""Simulate recordings with any set of gaps (differences between virtual measurement and simulation), and compute the losses of this set.
 
-A coalition is a set of gaps that are on. The module `gap_attribution` divides the losses of a coalition among its gaps. The gaps `geometry`
-and `labels` change the simulation. The gap `hardware` changes the measurement and adds receiver noise to the simulation; without `hardware`
-neither domain has noise. All gaps except `geometry`, `labels` and `hardware` change only the measurement. A "side" is one domain (measured
-or simulated) with the gaps that change this domain. The recordings of about twenty such sides are enough to compute the losses of dozens of
-coalitions. The gap `contents` does not change an object without liquid (radartwin/testbed/variation.py), so an object without liquid is
-recorded only with `contents` on.
+A coalition is a set of gaps that are on. The gaps `geometry` and `labels` change the simulation, `hardware` changes the measurement and
+adds receiver noise to the simulation (without it neither domain has noise), and all other gaps change only the measurement. A "side" is one
+domain with the gaps that change it; about twenty sides are enough for the losses of dozens of coalitions. The gap `contents` does not
+change an object without liquid (radartwin/testbed/variation.py), which is recorded only with `contents` on.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence

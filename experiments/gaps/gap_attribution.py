@@ -141,9 +141,7 @@ def check(config: Config) -> None:
 
 
 def table(config: Config, plan: Plan, by_score: Losses, filled: NDArray[np.bool_], keys: Sequence[str]) -> list[Row]:
-    """Build the rows of each loss, for all objects and for filled bottles (mask `filled`): the loss without gaps and with all gaps, and for
-    each gap its loss alone, its loss if left out, and its share.
-    """
+    """Build the rows of each loss, for all objects and for the bottles `filled`: without and with all gaps, and three for each gap."""
     rows = RowList(config)
     for score in SCORES:
         for objects, mask in ((ALL, np.ones_like(filled)), (FILLED, filled)):

@@ -1,9 +1,9 @@
 """The table `gaps`: agreement of simulation and virtual measurement with all gaps off, and the effect of each gap alone.
 
-In the rows of a gap, this gap has strength 1 (paper profile: also 2) and all others are off; `predictions` predicts the effects. A row of
-the paper profile is the mean over DRAWS draws. Roughness moves power from the specular reflection to diffuse scatter, so the echo of a
-rougher room can be stronger. The turntable's motor and gear are clutter inside the target gate. In the rows of the geometry gap, the scan
-contains the room's clutter, but the virtual measurements do not.
+A gap has strength 1 (paper profile: also 2); `predictions` predicts its effects. A row of the paper profile is the mean over DRAWS draws.
+Roughness moves power from specular reflection to diffuse scatter, so the echo of a rougher room can be stronger. The turntable's motor and
+gear are clutter inside the target gate. In the rows of the geometry gap, the scan contains the room's clutter, but the virtual measurements
+do not.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,10 +1,9 @@
 """Exact Shapley values: divide the value of a coalition (set of players) among its players.
 
-Symbols: N -> players, S -> coalition, v(S) -> value, phi_i -> share of player i. The share of a player is the value that this player adds
-by joining a coalition, averaged over all orders in which the players can join. The formula is phi_i = sum over S without i of |S|! (|N| -
-|S| - 1)! / |N|! (v(S + i) - v(S)). The shares of all players sum to v(N) - v({}). Ref: L. S. Shapley, A Value for n-Person Games, 1953.
-Shares are linear in v, so that one value per recording gives one share per recording. The values of all coalitions are used, so the shares
-have no sampling error.
+Symbols: N -> players, S -> coalition, v(S) -> value, phi_i -> share of player i, which is what the player adds by joining, averaged over
+all orders of joining: phi_i = sum over S without i of |S|! (|N| - |S| - 1)! / |N|! (v(S + i) - v(S)). The shares sum to v(N) - v({}), are
+linear in v, so that one value per recording gives one share per recording, and have no sampling error. Ref: L. S. Shapley, A Value for
+n-Person Games, 1953.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

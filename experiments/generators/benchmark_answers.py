@@ -1,11 +1,9 @@
-"""Write the frozen problems of the benchmark: `python -m experiments.generators.benchmark_answers [--output FOLDER]`.
+"""Write the frozen problems of the benchmark: `python -m experiments.generators.benchmark_answers [--output FOLDER]` (two core-minutes).
 
-The scenes and the answers of five problems are those of experiments/speed/problems.py, except that the empty room has image sources of up
-to ORDERS bounces. The sixth problem holds the full-wave rooms: thirty seeded rooms of experiments/validation/oracles/furnished.py, and nine
-rooms of the project's reference data. The reference data lie beside the checkout, and the script needs them. No answer uses
-RadarTwin's tracer. The script takes about two minutes on one core.
-
-Raise VERSION whenever an answer, a scene or the score changes. Raise the first number of VERSION if old and new scores cannot be compared.
+Five problems are those of experiments/speed/problems.py, but the empty room has image sources of up to ORDERS bounces. The sixth holds the
+full-wave rooms: thirty seeded ones (experiments/validation/oracles/furnished.py), and nine of the project's reference data, which must lie
+beside the checkout. No answer uses RadarTwin's tracer. Raise VERSION whenever an answer, a scene or the score changes, and its first number
+if old and new scores cannot be compared.
 """
 
 import argparse

@@ -90,9 +90,7 @@ def scores(config: Config, store: Store, progress: Progress) -> list[dict[str, A
 
 
 def selected(rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """Return the kind of copies with which a network has the highest mean of both accuracies, and with these copies the method with the
-    highest value of each accuracy of CHOSEN_BY.
-    """
+    """Return the kind of copies of the network with the best mean of both accuracies, and with these copies each best method."""
     network = {row["copies"]: float(np.mean([row[probe] for probe in CHOSEN_BY])) for row in rows if row.get("method") == NETWORK}
     kind = max(network, key=lambda name: network[name])
     trained = [row for row in rows if row["copies"] == kind and "method" in row]

@@ -1,9 +1,8 @@
 """Make randomised copies of simulated turntable revolutions, and read their feature rows.
 
-Each copy has random values of the quantities that the user of a simulation cannot know (radartwin.recognize.randomise). For each recording,
-`supervision.variants` random targets on random turntables are simulated alone in free space. The store keeps the echoes of the nominal and
-the random targets, and the feature rows and pictures of the copies. The noise power of the copies follows from target energies and noise
-floors of measured recordings, without their class labels.
+A copy has random values of the quantities that a user cannot know (radartwin.recognize.randomise): `supervision.variants` random targets on
+random turntables are simulated alone in free space for each recording, and the noise power follows from target energies and noise floors of
+measured recordings, without their labels. The store keeps the echoes, feature rows and pictures.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -1,13 +1,11 @@
 """Many objects: what does training on simulation gain, if there are enough objects to decide it?
 
-The objects of the assortment (radartwin.scene.objects.assortment) turn on a turntable without a room, because a room does not change the
-features of a turntable. Each method classifies every measured revolution by the nearest centroid of its class: the raw features, and the
-embeddings of encoders trained on simulation alone. Without labels, the centroids are those of the simulated copies. With k labels, they are
-those of k measured revolutions, and only recordings of other distances are classified. A wrong model is the model of another object of the
-same kind, for example of another mug. The primary endpoint is the mean gain over 1, 2 and 4 labels. All trainings use the measured noise of
-the first draw, so that all draws share them.
-
-The objects are a sample of everyday objects, so tests exchange the methods, or the classes, of whole objects.
+The objects of the assortment (radartwin.scene.objects.assortment) turn without a room, which does not change the features of a turntable.
+Raw features, and embeddings of encoders trained on simulation alone, classify every measured revolution by the nearest centroid of its
+class: without labels that of the simulated copies, with k labels that of k measured revolutions, and then only recordings of other
+distances are classified. The primary endpoint is the mean gain over 1, 2 and 4 labels. All trainings use the measured noise of the first
+draw, so that all draws share them. The objects are a sample of everyday objects, so tests exchange the methods, or the classes, of whole
+objects.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

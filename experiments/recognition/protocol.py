@@ -149,9 +149,7 @@ class Scored:
         claims: Mapping[str, Claim] | None = None, column: str = "method", answers: Mapping[str, Sequence[NDArray]] | None = None,
         panels: Mapping[str, Any] | None = None,
     ) -> Iterator[Cell]:  # fmt: skip
-        """Yield the accuracy of each method (see `accuracy`), and the gain of the first method over the second of each pair. The arguments
-        `hits`, `claims`, `answers` and `panels` are by method.
-        """
+        """Yield the accuracy of each method (see `accuracy`), and the gain of a pair's first method; all arguments are by method."""
         for method, method_hits in hits.items():
             claim, panel = (claims or {}).get(method, NONE), (panels or {}).get(method)
             predictions = answers[method] if answers else None

@@ -1,9 +1,8 @@
 """Randomisation ablation: does it help recognition if copies of a simulated recording differ in more than their noise?
 
-The encoder is trained on copies of simulated turntable revolutions. The user of a simulation does not know some quantities, such as the
-wobble of the turntable, so the copies have random values of these quantities (radartwin.recognize.randomise). For the table, the encoder is
-trained on copies in which all quantities are random, only the noise is random (as in the paper), or all but one are random. Measured
-revolutions are classified without labels by the nearest text, and with labels by the nearest class centroid of other recordings.
+The encoder is trained on copies of simulated turntable revolutions (radartwin.recognize.randomise) in which all quantities that the user
+does not know are random, only the noise is (as in the paper), or all but one are. Measured revolutions are classified without labels by the
+nearest text, and with labels by the nearest class centroid of other recordings.
 """
 
 from collections.abc import Iterator

@@ -1,9 +1,8 @@
 """Object and material recognition from a moving radar at three levels of supervision, in both rooms (the paper's Table 3 and bar figure).
 
-The option `supervision` sets the highest level in the table: label_free gives the rows of level (i), calibrated adds level (ii), few_shot
-adds level (iii) on drives. The table labelled_probe has level (iii) on the turntable. The chance level is one over the number of classes,
-or the share of the largest class in rows where the paper uses this share. Material classes differ much in size, so the claim about
-materials is judged by balanced accuracy. As a control, a random forest is trained on simulated recordings with shuffled class labels.
+The option `supervision` sets the highest level: label_free, calibrated, or few_shot (on drives; labelled_probe has it on the turntable).
+Chance is one over the number of classes, or the share of the largest class where the paper uses it. Material classes differ much in size,
+so their claim is judged by balanced accuracy. As a control, a forest is trained with shuffled class labels.
 """
 
 from collections.abc import Iterator, Mapping

@@ -1,9 +1,8 @@
 """Are the detections of a measured drive where the simulated drive has detections, frame by frame?
 
-Both recordings of a drive give one point cloud per frame (radartwin.features.cloud). The table compares the measured and the simulated
-cloud of each frame of the logged motion. In a control, the simulated cloud is moved along range by several distances. A detection that
-leaves the range profile at one end enters it again at the other end. The control keeps the number, the spacing and the azimuths of the
-detections, and removes the agreement in range.
+The table compares the measured and the simulated point cloud of each frame (radartwin.features.cloud). In a control, the simulated cloud is
+moved along range, and around the end of the profile, by several distances, which keeps number, spacing and azimuths of the detections and
+removes the agreement in range.
 """
 
 from collections import defaultdict

@@ -1,10 +1,8 @@
 """Does the simulated signal follow the measured signal along a drive, and do simulated and measured features rank the objects equally?
 
-The start of the simulated drive is aligned with the start of the measured drive by correlating the target energies of both. Range profiles
-are compared as amplitudes from 0.3 to 5.5 m. Some rows give the share of features with a positive rank correlation over objects. Another
-row gives the share of places where the brightness contrast of metal and plastic has the same sign in both domains. Features depend on each
-other, and places with the same objects depend on each other. The p values of both shares therefore come from permutations of the objects;
-the paper reports binomial p values, which are too small. Paper: signal fidelity along trajectories.
+The starts of both drives are aligned by correlating their target energies. Range profiles are compared as amplitudes from 0.3 to 5.5 m.
+Features depend on each other, and so do places with the same objects; the p values of the shares of features and of places therefore come
+from permutations of the objects, while the binomial p values of the paper are too small. Paper: signal fidelity along trajectories.
 """
 
 from collections.abc import Iterator

@@ -1,11 +1,10 @@
 """Accuracy of the materials that three sources assign to scanned surfaces, and the reflection error of wrong materials.
 
-The surfaces of the simulated phone scans (`experiments.scans.virtual_scan`) get a material label from the recorded answers of the
-vision-language model, from one uniform material, or at random. Material labels are scored by surface area. A material label is right if its
-material belongs to the true category of the image data set MINC; for the category `other`, it must also be close. A label is close if the
-reflectivity of its material differs from that of the true material by at most 1 dB, as a mean of the absolute difference over angles of
-incidence. For example, the label plaster is close to a true paint surface, but the label metal is not close to a true wood surface. The
-table then compares the mean reflection error of each source in decibels with that of uniform plasterboard.
+The surfaces of the simulated phone scans get labels from the recorded answers of the vision-language model, from one uniform material, or
+at random, and are scored by area. A label is close if its reflectivity differs from that of the true material by at most 1 dB, as a mean of
+the absolute difference over angles of incidence (plaster for a paint surface, but not metal for wood). It is right if it belongs to the
+true category of the data set MINC; for the category `other`, it must also be close. The mean reflection error of each source is then
+compared with that of uniform plasterboard.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,11 +1,10 @@
 """Measure the accuracy of reconstructed scans, and whether every true surface becomes one segment.
 
 Scans of procedural rooms (experiments/scans/virtual_scan.py) are compared with the true room, which the reconstruction never reads. The
-paper gives no accuracy of its scan, so the limits in this table are the project's own. Two limits need an explanation. A wall counts as one
-segment if the intersection over union of wall and segment exceeds 0.8. A wall that the reconstruction cuts at a door, or merges with a
-neighbouring wall, stays below the limit of 0.8. A wall that is partly hidden by furniture can exceed the limit, because area that the phone
-did not see does not lower the score. For glass, the limit requires only that half of the area is found, because a depth sensor measures
-nothing on glass, and the reconstruction completes a pane from its frame only.
+limits are the project's own, because the paper gives no accuracy of its scan. A wall counts as one segment if the intersection over union
+exceeds 0.8: one cut at a door or merged with a neighbour stays below, one partly hidden by furniture can exceed it, because area that the
+phone did not see does not count. Of glass only half of the area must be found, because a depth sensor measures nothing on it, and the pane
+is completed from its frame.
 """
 
 import dataclasses
@@ -113,9 +112,7 @@ def scores(folder: Path, room: str, strength: float, seed: int) -> dict[str, Any
 
 
 def case_rows(room: str, strength: float, scans: Sequence[dict[str, Any]], resamples: int, seed: int, key: str) -> list[dict[str, Any]]:
-    """Return the rows of one room and strength of scanner errors: scores of a whole scan are averaged over scans; those of single surfaces
-    over the scans of each surface, and then over the surfaces.
-    """
+    """Return the rows of one room and strength; scores of a surface are averaged over its scans, and then over the surfaces."""
     surfaces = [s for scan in scans for s in scan["surfaces"]]
     clear = [s for scan in scans for s in scan["clear"]]
     split = [s for s in surfaces if s["segment"] != "-"]

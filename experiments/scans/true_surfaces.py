@@ -53,9 +53,7 @@ class Truth:
         return cls(scene, clear, points, normals, piece, seen, np.concatenate([outline_points(s.mesh) for s in scene]))
 
     def owners(self) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-        """Return a function that finds the index (M,) of the nearest piece, preferably with an agreeing normal, of points (M, 3) with
-        normals (M, 3); -1 is farther than REACH_M from every piece.
-        """
+        """Return a function of points and normals (M, 3) that finds the index (M,) of the nearest piece (`nearest`), or -1."""
         close = [covered(np.asarray(s.mesh.triangles, dtype=float), SPACING_M) for s in self.scene]
         points, normals, unit = _joined(self.scene, close)
         tree = KDTree(points, balanced_tree=False)
@@ -92,9 +90,7 @@ def _joined(scene: Scene, parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tup
 def nearest(
     tree: KDTree, owner: np.ndarray, owner_normals: np.ndarray, points: np.ndarray, normals: np.ndarray, strict: bool = False
 ) -> np.ndarray:
-    """Return for each point the entry of `owner` (N,) of the nearest sample, preferably (with `strict`, only) one whose surface normal
-    agrees with the point's; -1 if no sample is within REACH_M.
-    """
+    """Return the `owner` (N,) of the nearest sample, first with an agreeing normal (`strict`: only so); -1 if none is within REACH_M."""
     ranks: Any = range(1, min(10, tree.n) + 1)
     distance, near = tree.query(points, k=ranks, distance_upper_bound=REACH_M, workers=-1)
     known = np.isfinite(distance)

@@ -1,12 +1,8 @@
-"""Simulate a phone scan of a procedural room, reconstruct the scan and store it. The radar simulation knows the room only from this
-simulated scan.
+"""Simulate a phone scan of a procedural room, reconstruct it and store it. The radar simulation knows the room only from this scan.
 
-The simulated phone with LiDAR moves through the room (radartwin.testbed.scanner). The depth noise, dropouts and pose drift of the
-simulated phone have the size that publications report, and `strength` scales all these errors. The depth frames are fused and segmented in
-the same way as those of a user's own scan.
-
-The folder `rooms` beside this file ships the three rooms as reconstructed at strength 1 and seed 0. At this strength and seed, the study
-reads the shipped room instead of scanning again. `python -m experiments.generators.scanned_rooms` makes the shipped rooms.
+The phone with LiDAR moves through the room (radartwin.testbed.scanner) with depth noise, dropouts and pose drift of published size, times
+`strength`. The frames are fused and segmented like those of a user. The folder `rooms` beside this file ships the rooms of strength 1 and
+seed 0, which the study reads instead of scanning again; `python -m experiments.generators.scanned_rooms` makes them.
 """
 
 from __future__ import annotations

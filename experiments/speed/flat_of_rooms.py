@@ -1,8 +1,8 @@
 """Generate a furnished flat of rooms with a given number of flat surfaces, to measure how the run time grows with the scene.
 
-The rooms stand on a square grid, with a door opening in every wall between two rooms. The furniture consists of axis-parallel boxes:
-cabinets of random sizes, tables and shelves. The pieces are shared out among the rooms one after another, beginning with the radar's room.
-Each room has its own random generator, so that the radar's room has the same furniture in every flat that is large enough.
+The rooms stand on a square grid, with a door opening in every wall between two. Cabinets of random sizes, tables and shelves of
+axis-parallel boxes are shared out among the rooms, beginning with the radar's. Each room has its own random generator, so that the radar's
+room is the same in every flat that is large enough.
 """
 
 import math

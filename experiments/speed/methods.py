@@ -1,9 +1,8 @@
 """The simulation methods compared in speed, accuracy and stability: RadarTwin's tracer at several settings, and other simulators.
 
-RF-Genesis appears in two versions. The first version of RF-Genesis uses the same synthesis of samples as all other methods. The second
-version (`published`) uses the signal generator of the program that the authors of RF-Genesis released. This signal generator computes one
-sum over the echoes for each chirp, transmitter and receiver. Only one sum is timed, and its time is multiplied by the number of sums,
-because all sums take the same time.
+RF-Genesis appears with the same synthesis of samples as all other methods, and (`published`) with the signal generator that its authors
+released, which computes one sum over the echoes for each chirp, transmitter and receiver. As all sums take the same time, only one is
+timed, and its time is multiplied by their number.
 """
 
 from collections.abc import Callable, Iterator

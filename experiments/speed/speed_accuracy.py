@@ -1,9 +1,9 @@
 """Speed against accuracy: run time and error of each simulation method on each test problem.
 
-A method is on the Pareto front of a test problem if no other method is at least as fast and as accurate, and better in one of the two. The
-claim about the default method holds if no other method is both faster and more accurate by more than the factor NEAR. Run times depend on
-the machine and its load, so the timed methods alternate, and the table gives ratios of run times within one run. The last test problem,
-the campaign's turntable recordings (`campaign_methods`), compares run time with feature error and recognition error.
+A method is on the Pareto front of a problem if no other method is at least as fast and as accurate, and better in one of the two. The claim
+about the default holds if no other is both faster and more accurate by more than the factor NEAR. The timed methods alternate, and the
+table gives ratios within one run, because run times depend on the machine and its load. The last problem, the campaign's turntable
+recordings (`campaign_methods`), compares run time with feature error and recognition error.
 """
 
 import math

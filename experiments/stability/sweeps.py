@@ -1,10 +1,8 @@
-"""Sweeps that show where simulation methods fail. With each value of a sweep, a scene becomes harder to simulate, a setting becomes
-coarser, the description of the scene becomes worse, or the noise becomes stronger.
+"""Sweeps that show where simulation methods fail, towards harder scenes, coarser settings, worse descriptions of the scene or more noise.
 
-For each value of a sweep, the true radar signal is known. For sweeps with a single object, the mean power of a frame's samples is compared
-with closed forms, series and quadrature. For sweeps in a room, range profiles are compared (`signal_error`). An error is at most
-DYNAMIC_DB. A method that returns no signal has this error. Methods without an absolute level get the gain that makes their level of a metal
-sphere at 1 m correct.
+The true signal of each value is known: the mean power of a frame for a single object (closed forms, series, quadrature), and range profiles
+in a room (`signal_error`). An error is at most DYNAMIC_DB, which is also that of a method without a signal. Methods without an absolute
+level get the gain that makes their level of a metal sphere at 1 m correct.
 """
 
 from collections.abc import Callable

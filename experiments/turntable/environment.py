@@ -1,9 +1,9 @@
 """Environment ablation: is a simulated range profile closer to the measured range profile if the simulation includes the room?
 
-The first simulation ("void") contains only the object and its stand. The second simulation contains the object and its stand in the scanned
-room with the configured materials, by default the labelled materials. The third simulation has the same room of plasterboard. Paper
-(environment ablation, 2 m): the correlation with the measured profile is -0.24 in void and +0.42 in the reconstructed scene; about 75 % of
-the energy arrives from beyond the target. The module `operating_points` searches for conditions in which these figures occur.
+Object and stand are simulated alone ("void"), in the scanned room with the configured materials (by default the labelled ones), and in the
+same room of plasterboard. Paper (environment ablation, 2 m): the correlation with the measured profile is -0.24 in void and +0.42 in the
+reconstructed scene; about 75 % of the energy arrives from beyond the target. `operating_points` searches for conditions in which these
+figures occur.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence

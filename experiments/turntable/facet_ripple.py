@@ -1,10 +1,8 @@
 """Facet ripple: the echo of a can made of flat facets varies with as many cycles per revolution as the can has facets.
 
-A can of FACETS flat facets is compared with the same mesh whose facets are curved by vertex normals. The can with flat facets and the can
-with curved facets are simulated in the far field and at one metre. The meshes of both cans repeat after one facet, so ASPECTS_PER_FACET
-angles across one facet represent all 2048 angles of a revolution. Ripple is the harmonic ratio of the band around FACETS cycles per
-revolution. Paper, disentangled fidelity, shape: the triangulated mesh ripples at about 128 cycles per revolution, and smooth objects do
-not.
+A can of FACETS flat facets, and the same mesh curved by vertex normals, are simulated in the far field and at one metre. Both repeat after
+one facet, so ASPECTS_PER_FACET angles represent all 2048 angles of a revolution. Ripple is the harmonic ratio of the band around FACETS.
+Paper, disentangled fidelity, shape: the triangulated mesh ripples at about 128 cycles per revolution, smooth objects do not.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """Linear rail: does the tracked range of a corner reflector change by the length of the rail, in measurement and simulation?
 
-Paper (linear transformations), radial motion: the excursion (total change of the range) is 0.50 m measured and 0.51 m simulated; the shape
-correlation (correlation of the range tracks over frames) is 0.78. Paper, diagonal motion at 45 degrees to the line of sight: the excursion
-is 0.22 m measured, 0.44 m simulated and 0.42 m expected; the paper gives ambiguous peaks in clutter as the cause. In this table, the
-expected diagonal excursion is that of the logged motion, 0.49 m.
+Paper (linear transformations), radial: the excursion (total change of the range) is 0.50 m measured and 0.51 m simulated, the correlation
+of the range tracks over frames 0.78. Diagonal, at 45 degrees to the line of sight: 0.22 m measured, 0.44 m simulated and 0.42 m expected
+(here 0.49 m, that of the logged motion); the paper names ambiguous peaks in clutter as the cause.
 """
 
 from collections.abc import Iterator

@@ -1,9 +1,8 @@
 """Material: by how many decibels does the echo power of objects of similar size depend on their material, measured and simulated?
 
-The material classes are cans (metal), bottles (plastic) and the mug (ceramic). The corner reflector is left out, because it is a
-retroreflector and not of similar size. Paper, disentangled fidelity, material: metal is brighter than plastic in measurement and
-simulation; the simulation exaggerates this contrast and gives too low a level for the ceramic mug. The level of the mug is judged relative
-to the cans, so that a gain difference between measurement and simulation has no effect.
+The classes are cans (metal), bottles (plastic) and the mug (ceramic), without the corner reflector, a retroreflector.
+Paper, disentangled fidelity, material: metal is brighter than plastic in both; the simulation exaggerates this contrast and gives too low a
+level for the mug. The mug is judged relative to the cans, so that a gain difference between measurement and simulation has no effect.
 """
 
 from collections.abc import Iterator

@@ -1,9 +1,8 @@
 """Size: does the echo power rise with the height of cans that are otherwise equal?
 
-The six cans have equal diameter and material and heights from 76 to 157 mm. The echo power should rise by 6 dB per doubling of the height,
-because a cylinder's cross-section grows with the square of its height as long as the wavefront is flat across the can. Paper, disentangled
-fidelity, size: the measured echo power shows no consistent trend, because the array has no aperture in elevation; the simulation includes
-the whole mesh and may show a trend.
+The six cans have heights from 76 to 157 mm. The echo power should rise by 6 dB per doubling, as long as the wavefront is flat across the
+can. Paper, disentangled fidelity, size: the measured echo power shows no consistent trend, because the array has no aperture in elevation;
+the simulation includes the whole mesh and may show a trend.
 """
 
 from collections.abc import Iterator

@@ -1,12 +1,11 @@
 """Compare the specular paths of RadarTwin's tracer with Sionna RT and with exact image sources, path by path, in procedural rooms.
 
 The references treat every wall as an infinite mirror, so levels are judged only for paths with a clear first Fresnel zone. The image
-sources are those of the room's six planes. Paths into a corner of m walls, one for each order of the walls, are added before the
-comparison. Sionna RT from a point back to the same point ("co-located") misses corners, whose mirror points lie on edges; with the receiver
-APART_M aside ("apart") it finds one order of walls for each corner, and the length is computed again for a single point.
-
-The tolerances of `path_match` are wider than the errors of the methods and narrower than the differences between paths. Paths over small or
-curved surfaces, which RadarTwin traces by ray tubes, are counted separately. Only paths within DYNAMIC_DB of the strongest count.
+sources are those of the room's six planes; paths into a corner, one for each order of its walls, are added before the comparison. Sionna RT
+from a point back to the same point ("co-located") misses corners, whose mirror points lie on edges; with the receiver APART_M aside
+("apart") it finds one order of walls, and the length is computed again for a single point. The tolerances of `path_match` are wider than
+the errors of the methods and narrower than the differences between paths. Paths over small or curved surfaces, which RadarTwin traces by
+ray tubes, are counted separately. Only paths within DYNAMIC_DB of the strongest count.
 """
 
 from collections.abc import Callable

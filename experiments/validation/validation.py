@@ -1,8 +1,7 @@
 """Validation table (card): every physics check with its reference value, RadarTwin's value, error, limit and verdict.
 
-The checks (cases) are in experiments/validation/oracles and are also the physics tests (tests/physics/test_validation.py). With
-profile=quick, only the validation cases that take seconds run, each with some of its sizes, seeds and angles. With profile=paper, all
-validation cases run with all of their sizes, seeds and angles.
+The checks (cases) are in experiments/validation/oracles and are also physics tests (tests/physics/test_validation.py). With profile=quick,
+the cases that take seconds run with some of their sizes, seeds and angles, with profile=paper all cases with all of them.
 """
 
 import math

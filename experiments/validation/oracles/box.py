@@ -1,9 +1,8 @@
 """All image sources of an empty rectangular room, with vector reflection at every wall. Ref: J. Allen, D. Berkley, JASA 65 (1979) 943.
 
-The unfolded path to the image source with (i, j, k) reflections along x, y, z is a straight line that crosses the image's walls one after
-another. A monostatic path into an edge or corner crosses several walls at the same point, so the order of the walls is ambiguous. If the
-line of the path is shifted slightly aside, the direction of the shift decides the order of the walls. Each order of walls is weighted by
-its share of all shift directions, because the stationary phase weights all directions alike.
+The unfolded path to the image with (i, j, k) reflections along x, y, z is a straight line that crosses the image's walls one after another.
+A monostatic path into an edge or corner crosses several walls at one point; each order of them is weighted by its share of the directions
+in which the line can be shifted aside, because the stationary phase weights all directions alike.
 """
 
 from collections.abc import Callable, Iterator, Sequence

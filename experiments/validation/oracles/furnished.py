@@ -1,9 +1,8 @@
 """Furnished metal rooms in two dimensions, drawn from seeds, and their full-wave fields.
 
-Every room has walls (one wall, a corner, a corridor, an alcove, or none) and furniture (cabinets, posts, screens, shelves). The radar is at
-the origin and looks along x. The scenes and the fields are stored in fullwave_2d/rooms, in the format of shared/reference/fullwave_2d. The
-command `python -m experiments.validation.oracles.furnished` solves the rooms again and writes the files. It solves each room at 64
-frequencies with 5 nodes per wavelength (experiments/validation/oracles/moments_2d.py), which takes half a minute to a minute on one core.
+Every room has walls (one, a corner, a corridor, an alcove, or none) and furniture (cabinets, posts, screens, shelves); the radar at the
+origin looks along x. `python -m experiments.validation.oracles.furnished` solves the rooms of fullwave_2d/rooms again (64 frequencies, 5
+nodes per wavelength, half a minute to a minute on one core each) and writes the files in the format of shared/reference/fullwave_2d.
 """
 
 import argparse
@@ -177,9 +176,7 @@ def frequencies() -> np.ndarray:
 def write(
     folder: Path, scenes: Mapping[str, Mapping[str, Strips]], selected: list[str], notes: Mapping[str, object], ends_m: np.ndarray
 ) -> None:
-    """Write scenes.json with the strips of each surface of all scenes and further entries `notes`. Solve the chosen scenes for transmitter
-    and receiver at `ends_m` (2, 2), and write their fields.
-    """
+    """Write scenes.json with `notes`, and the solved fields of the selected scenes for transmitter and receiver at `ends_m` (2, 2)."""
     at = frequencies()
     folder.mkdir(parents=True, exist_ok=True)
     head = {"transmitter_m": ends_m[0].tolist(), "receiver_m": ends_m[1].tolist(), **notes}
