@@ -27,7 +27,7 @@ def conductor_width(radius_m: float, wavelength_m: float) -> float:
 
 
 def layered_width(radii_m: Sequence[float], permittivities: Sequence[complex], wavelength_m: float) -> float:
-    """Return the backscatter echo width in metres of concentric layers in air, outermost first; without the last permittivity, on a conductor."""
+    """Return the backscatter echo width in metres of concentric layers, outermost first; without the last permittivity on a conductor."""
     k0 = 2 * np.pi / wavelength_m
     order = _orders(k0 * radii_m[0])
     sign = np.where(order == 0, 1, 2) * (-1.0) ** order
