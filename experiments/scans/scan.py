@@ -172,9 +172,7 @@ def _figure(scores: dict[tuple[str, float], dict[str, Any]]) -> Figure:
         strength = min((s for r, s in scores if r == room), key=lambda s: abs(s - 1))
         areas, overlaps = np.array([[s["area_m2"], s["iou"]] for s in scores[room, strength]["surfaces"]]).T
         axes.scatter(areas, overlaps, s=14, color=colour, label=f"{room} ({len(areas)} surfaces)")
-    axes.set_xscale("log")
-    axes.set_xlabel("area of the true surface (m²)")
-    axes.set_ylabel("intersection over union with its segment")
-    axes.set_ylim(0, 1.02)
+    labels = {"xlabel": "area of the true surface (m²)", "ylabel": "intersection over union with its segment"}
+    axes.set(xscale="log", ylim=(0, 1.02), **labels)
     axes.legend(loc="lower right")
     return drawing

@@ -1,6 +1,6 @@
-"""Benchmarks of run time and memory, against the project's targets for 2 processor cores and against the last run.
+"""Benchmarks of run time, against the project's targets for 2 processor cores and against the last run.
 
-    python -m experiments.speed.bench [--repeats 5] [--only synthesis frames single drives memory scan] [--variant cuda] [--history]
+    python -m experiments.speed.bench [--repeats 5] [--only synthesis frames single drives] [--variant cuda] [--history]
 
 The exit status is 0 even if a figure misses its target, because run times depend on the machine and its load. Ratios of run times within
 one run can also be compared between machines, because the compared methods take turns.
@@ -8,12 +8,8 @@ one run can also be compared between machines, because the compared methods take
 
 import argparse
 import itertools
-import json
 import os
 import platform
-import subprocess
-import sys
-import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -21,7 +17,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import trimesh
 
 import radartwin as rt
 from experiments.validation.oracles import sampling
@@ -44,8 +39,6 @@ MOVING_FRAMES = {"panels": 50, "tubes": 5}  # by method, for a sensor that moves
 CALLS = 20  # number of calls, each of one frame
 WARM_UP = slice(20, 26)  # poses of a drive that is simulated first, to compile the kernels
 ASIDE_M = 1e-3  # shift of the sensor between repetitions, so that no paths come from a cache
-MEMORY_RAYS = 3_000_000
-SCAN_FACES, SCAN_NOISE_M = 500_000, 0.005  # triangles of a scan, and deviation of a vertex coordinate as in the fused mesh of a phone LiDAR
 HISTORY = Path(__file__).with_name("bench_history.csv")
 COMPARABLE = ("processor", "cores", "variant")  # columns of the history that are equal in comparable runs
 LARGER = ("", "frames/s")  # units of figures that are better if larger
@@ -60,8 +53,7 @@ FIGURES: dict[str, tuple[str, float | None]] = {  # unit, and the worst value th
     "moving, tubes alone to flat faces": ("", None), "one frame in one call, sphere": ("ms", 3),
     "one frame in one call, corner reflector": ("ms", 3), "drive frame": ("ms/frame", 30), "track set-up": ("s", None),
     "object track set-up": ("s", None), "drive frame past a can": ("ms/frame", 30), "drive frame past a can, clutter": ("ms/frame", 30),
-    "track set-up, clutter": ("s", None), "memory of a furnished room": ("GiB", None), "reconstruction of a scan": ("s", None),
-    "memory of a scan reconstruction": ("GiB", None),
+    "track set-up, clutter": ("s", None),
 }  # fmt: skip
 Values = dict[str, float]  # measured values by the name of their figure in FIGURES
 
@@ -240,61 +232,6 @@ def _driven(
     return {name: np.stack(each) for name, each in taken.items()}
 
 
-def in_new_process(imports: str, code: str, *arguments: str) -> dict[str, float]:
-    """Run code that makes `scene` in a new process; return its surfaces, seconds, core-seconds and peak memory in GiB."""
-    code = f"""
-import json, sys, time
-from experiments.speed.machine import peak_gib
-{imports}
-began = time.perf_counter()
-{code}
-print(json.dumps({{"seconds": time.perf_counter() - began, "core_seconds": time.process_time(), "peak_gib": peak_gib(),
-                  "surfaces": len(scene)}}))
-"""
-    answer = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
-    return json.loads(answer.stdout.splitlines()[-1])
-
-
-def memory(repeats: int, variant: str) -> Values:
-    """Measure the peak resident memory of a new process that traces a furnished room with many rays."""
-    usage = in_new_process(
-        "import radartwin as rt; from radartwin.scene import rooms",
-        "scene = rooms.lab()\n"
-        f"rt.simulate(scene, rt.Radar.iwr1843(), rooms.lab_bench().sensor_pose[None], rays={MEMORY_RAYS}, variant={variant!r})",
-    )
-    print(f"Memory: a furnished room at {MEMORY_RAYS} rays, 4 bounces: {usage['peak_gib']:.2f} GiB at most")
-    return {"memory of a furnished room": usage["peak_gib"]}
-
-
-def scan(repeats: int, variant: str) -> Values:
-    """Time the reconstruction of a scan of half a million triangles, and measure its memory."""
-    result = reconstruction()
-    print(
-        f"Reconstruction of a scan of {result['faces']:,.0f} faces: {result['seconds']:.0f} s ({result['core_seconds']:.0f} core-seconds), "
-        f"peak {result['peak_gib']:.2f} GiB, {result['surfaces']:.0f} surfaces"
-    )
-    return {"reconstruction of a scan": result["seconds"], "memory of a scan reconstruction": result["peak_gib"]}
-
-
-def reconstruction() -> dict[str, float]:
-    """Reconstruct a scan in a new process: the true surfaces of a furnished laboratory in about SCAN_FACES equal triangles, with colours
-    and the depth noise of a phone. Returns the entries of `in_new_process`, for all from reading to writing, and the number `faces`.
-    """
-    pieces = [surface.mesh for surface in rooms.lab()]
-    area = sum(float(piece.area) for piece in pieces)
-    edge = 1.5 * float(np.sqrt(4 / np.sqrt(3) * area / SCAN_FACES))  # the split edges are between half the allowed length and that length
-    rng = np.random.default_rng(0)
-    fine: list[Any] = [trimesh.Trimesh(piece.vertices, piece.faces, process=False).subdivide_to_size(edge, max_iter=20) for piece in pieces]
-    colours = [np.tile(np.random.default_rng([0, k]).integers(60, 220, 3), (len(piece.vertices), 1)) for k, piece in enumerate(fine)]
-    whole: Any = trimesh.util.concatenate(fine)
-    shade = np.clip(np.vstack(colours) + rng.normal(0, 5, (len(whole.vertices), 3)), 0, 255).astype(np.uint8)
-    noisy = whole.vertices + SCAN_NOISE_M * rng.standard_normal(whole.vertices.shape)
-    with tempfile.TemporaryDirectory() as folder:
-        trimesh.Trimesh(noisy, whole.faces, vertex_colors=shade, process=False).export(f"{folder}/scan.ply")
-        imports, code = "from radartwin.reconstruct.build import reconstruct", "scene = reconstruct(sys.argv[1], sys.argv[2])"
-        return {"faces": len(whole.faces), **in_new_process(imports, code, f"{folder}/scan.ply", f"{folder}/scene")}
-
-
 def table(values: Mapping[str, float], history: pd.DataFrame, machine: Mapping[str, object]) -> str:
     """Return the measured figures with their targets, and the figures of the last run with the same processor, cores and variant."""
     same = history[[all(str(run[name]) == str(machine[name]) for name in COMPARABLE) for run in history.to_dict("records")]]
@@ -328,7 +265,7 @@ def append(machine: Mapping[str, object], values: Mapping[str, float], history: 
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Benchmarks of run time and memory, against targets and earlier runs.")
+    parser = argparse.ArgumentParser(description="Benchmarks of run time, against targets and earlier runs.")
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--only", nargs="+", choices=BENCHMARKS, default=BENCHMARKS)
     parser.add_argument("--variant", choices=("llvm", "cuda"), default="llvm", help="Mitsuba variant of the tracer")
@@ -348,7 +285,7 @@ def main() -> None:
 
 
 BENCHMARKS: dict[str, Callable[[int, str], Values]] = {
-    "synthesis": synthesis, "frames": frames, "single": single, "drives": drives, "memory": memory, "scan": scan,
+    "synthesis": synthesis, "frames": frames, "single": single, "drives": drives,
 }  # fmt: skip
 
 if __name__ == "__main__":
