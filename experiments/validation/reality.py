@@ -155,12 +155,10 @@ def measured_levels() -> tuple[np.ndarray, Mapping[float, np.ndarray]]:
 
 @cache
 def dihedral_levels(side_m: float, method: str) -> np.ndarray:
-    """Return the levels (n,) in dB of a dihedral at the measured aspects, with an unknown constant offset.
+    """Return the levels (n,) in dB of a dihedral with faces of `side_m` at the measured aspects, with an unknown constant offset.
 
-    Args:
-        side_m: side of the square faces in metres.
-        method: "simulator" (the strongest of the range bins 17 to 23 of a simulated recording with a Hann window), "physical optics"
-            (near-field quadrature of all reflections at 78.5 GHz) or "far field" (radar cross-section in the horizontal plane).
+    The method "simulator" gives the strongest of the range bins BINS of a simulated recording with a Hann window, "physical optics" the
+    near-field quadrature of all reflections at CENTRE_HZ, and "far field" the radar cross-section in the horizontal plane.
     """
     angles, height = np.radians(measured_levels()[0]), HEIGHT_M - side_m / 2
     mesh, over = objects.dihedral(side_m, side_m), np.stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))], axis=1)

@@ -36,19 +36,12 @@ def panel_quadrature(corners: ArrayLike, sensor: ArrayLike, wavelength: float, *
 
 
 def chain_quadrature(panels: Sequence[ArrayLike], sensor: ArrayLike, wavelength: float, *, receiver: ArrayLike | None = None) -> complex:
-    """Return the received amplitude of the path that hits `panels` in the given order. No panel casts a shadow on the path.
+    """Return the received amplitude of the path that hits `panels` in the given order, with the phase exp(+j k L). No panel casts a shadow.
 
-    All panels except the last reflect like mirrors and must be convex. Rays from the sensor's image in a mirror panel that pass through
-    this panel illuminate the next panel. The last panel is treated by physical optics and may be concave.
-
-    Args:
-        panels: corners of each panel, (n, 3) metres, in order around a simple polygon in one plane.
-        sensor: (3,) position of the transmitter's phase centre in metres, and of the receiver if `receiver` is None.
-        receiver: (3,) position of the receiver in metres; None if transmitter and receiver share a position.
-    Returns:
-        Complex amplitude with the phase exp(+j k L) of the path; zero if transmitter and receiver are on different sides of a panel.
-    Raises:
-        ValueError: the corners are not in one plane, or a sensor lies in the plane of a panel.
+    A panel is its corners (n, 3) in metres, in order around a simple polygon in one plane. All panels except the last reflect like mirrors
+    and must be convex: rays from the sensor's image in a mirror that pass through it illuminate the next panel. The last panel is treated
+    by physical optics and may be concave. Without `receiver` (3,), the sensor (3,) transmits and receives. The amplitude is zero if both
+    are on different sides of a panel. Raises ValueError for corners not in one plane, or a sensor in the plane of a panel.
     """
     source = np.array(sensor, float)
     target = source.copy() if receiver is None else np.array(receiver, float)
