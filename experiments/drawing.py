@@ -11,7 +11,7 @@ from radartwin.plotting.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, PALETTE, TE
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-else:
+if not TYPE_CHECKING:
     Axes = Figure = Any  # no module imports Matplotlib before it draws
 
 __all__ = [
