@@ -170,7 +170,7 @@ def _recording_columns(campaign: Campaign, case: Case) -> tuple[str, str, np.nda
     return case.motion, key, values, float(made["core_seconds"]) / told["frames"], int(told.get(tally.SETUPS, 0)), int(told["frames"])
 
 
-def table(config: Config, twins: Mapping[str, Twin]) -> list[dict[str, Any]]:
+def table(config: Config, twins: Mapping[str, Twin]) -> RowList:
     """Return feature error and run time of each setting and motion, and each fidelity result with its change from the default."""
     default = twins[DEFAULT]
     finest = dict(list(twins[FINEST].recordings.groupby("motion")))

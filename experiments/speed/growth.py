@@ -156,7 +156,7 @@ def _measure(sweep: Sweep, steps: Sequence[int], folder: Path) -> None:
     save_json(folder, "steps", [sweep.measure(step) for step in steps])
 
 
-def table(config: Config, sweep: Sweep, measured: Sequence[Mapping[str, Any]], key: str) -> list[dict[str, Any]]:
+def table(config: Config, sweep: Sweep, measured: Sequence[Mapping[str, Any]], key: str) -> RowList:
     """Return the rows of a sweep: the processor time of each step, then the slope of each part with its claim."""
     rows = RowList(config)
     for part, limit in sweep.limits.items():

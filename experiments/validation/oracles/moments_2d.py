@@ -120,7 +120,7 @@ def _green(k: float, distance_m: np.ndarray) -> np.ndarray:
 
 def _matrix(at: Nodes, k: float, precision: type) -> np.ndarray:
     """Return the matrix (N, N) of the integral equation. The near field of a node is -log(r) J0(k r)/(2 pi) plus a smooth function."""
-    matrix = squareform(_green(k, pdist(at.point)).astype(precision)) * at.weight.astype(np.zeros(0, precision).real.dtype)
+    matrix = squareform(_green(k, pdist(at.point)).astype(precision)) * at.weight.astype(np.finfo(precision).dtype)
     row = np.arange(len(at))
     for column, correction in zip(at.beside.T, CORRECTIONS[[1, 2, 1, 2]], strict=True):
         away = k * np.linalg.norm(at.point[column] - at.point, axis=1)
