@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -95,10 +96,10 @@ def test_half_a_million_triangles_need_less_than_four_gigabytes(tmp_path):
     """The scan has the true surfaces of a furnished laboratory, with the depth noise of a phone."""
     pieces = [surface.mesh for surface in rooms.lab()]
     edge = 1.5 * (4 / np.sqrt(3) * sum(piece.area for piece in pieces) / 500_000) ** 0.5
-    fine = [trimesh.Trimesh(piece.vertices, piece.faces, process=False).subdivide_to_size(edge, max_iter=20) for piece in pieces]
+    fine: list[Any] = [trimesh.Trimesh(piece.vertices, piece.faces, process=False).subdivide_to_size(edge, max_iter=20) for piece in pieces]
     rng = np.random.default_rng(0)
     colours = np.concatenate([np.full((len(piece.vertices), 3), rng.integers(60, 220, 3), np.uint8) for piece in fine])
-    whole = trimesh.util.concatenate(fine)
+    whole: Any = trimesh.util.concatenate(fine)
     assert len(whole.faces) >= 500_000
     noisy = whole.vertices + 0.005 * rng.standard_normal(whole.vertices.shape)
     trimesh.Trimesh(noisy, whole.faces, vertex_colors=colours, process=False).export(tmp_path / "scan.ply")
