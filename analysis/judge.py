@@ -1,11 +1,8 @@
 """Judge the rows of written tables anew, each from its own columns: `python -m analysis.judge [FOLDER]`.
 
-The command prints the number of rows with each verdict, and a line for each row whose verdict does not follow from its columns; its exit
-status is 1 if there is such a row. Rows of engineering tables without the columns of a claim are counted apart: their limit is a column of
-their own (`validation`, `reality`, `scan`) or compares them with other rows.
+The command prints the number of rows with each verdict, and each row whose verdict does not follow from its columns (exit status 1).
+Rows of engineering tables whose limit is a column of its own, or compares rows, are counted apart.
 """
-
-from __future__ import annotations
 
 import argparse
 import csv
@@ -59,11 +56,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 if word not in (None, row["verdict"]):
                     print(f"{file}:{line}: the verdict is {row['verdict']!r}, but its columns say {word!r}")
                     status = 1
-    print(
-        ", ".join(f"{counts[word]} {word}" for word in (*VERDICTS, *LIMITS, "limits of other columns")),
-        f"{counts['']} without a claim",
-        sep=", ",
-    )
+    told = [f"{counts[word]} {word}" for word in (*VERDICTS, *LIMITS, "limits of other columns")]
+    print(*told, f"{counts['']} without a claim", sep=", ")
     return status
 
 

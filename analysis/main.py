@@ -1,7 +1,5 @@
 """The commands `radartwin tables` and `radartwin report`: run missing experiments, then write their tables, figures and the report."""
 
-from __future__ import annotations
-
 import importlib.util
 import traceback
 from collections import Counter
@@ -25,12 +23,10 @@ STUDY_PACKAGES = ("miepython", "plotly")  # packages of the extra `study` in pyp
 
 
 def tables(profile: str, only: list[str] | None, output: Path) -> int:
-    """Compute or read the result of each table, write the table in every format with its figures, then write the report.
+    """Write each table in every format with its figures, unless nothing that it depends on has changed, then write the report.
 
-    A table is skipped if the code, configuration, machine and files of the table are the same as when it was written. If the experiment of
-    a table ends with an error, the remaining tables are still written, the report names the failed table, and the exit status is 1. A user
-    error (such as a wrong setting) stops the command, because the same error would affect every table. Returns the exit status of the
-    command.
+    If an experiment ends with an error, the report names it, and the exit status is 1. A user error stops the command, because the same
+    error would affect every table. Returns the exit status of the command.
     """
     registry.check(only or [])
     if absent := [name for name in STUDY_PACKAGES if importlib.util.find_spec(name) is None]:
@@ -51,11 +47,7 @@ def tables(profile: str, only: list[str] | None, output: Path) -> int:
 
 
 def _run(names: Sequence[str], profile: str, output: Path) -> tuple[list[str], Counts]:
-    """Run the named experiments and write their tables. Returns the tables that succeeded, and counts of computed and reused results.
-
-    First, the workers simulate what all tables need. Then the workers compute one table each. The tables that measure run times follow,
-    one after another, while no worker is busy.
-    """
+    """Run the experiments and write their tables, those that measure run times last and alone. Returns the written tables, and counts."""
     made: list[str] = []
     progress = Progress()
     with products.counting() as counts:
@@ -134,16 +126,10 @@ def write(table: Table, result: Result, profile: str, output: Path) -> None:
 
 
 def write_report(output: Path, fresh: Sequence[str] = (), current: Callable[[str, str, Path], str] | None = None) -> Path:
-    """Write the report of all tables in the output folder, and return its path.
+    """Write the report of all tables in the output folder, and return its path. Raises MissingError if the folder has no table.
 
-    If a table is missing, failed or out of date (its run key has changed), the report shows the command that makes the table instead of its
-    figures.
-
-    Args:
-        fresh: names of the tables that the calling command has just written; these tables are up to date.
-        current: function of (table name, profile, output folder) that returns the current run key of a table.
-    Raises:
-        MissingError: the folder has no table.
+    A table that is missing, failed or out of date (`current`, a function of its name, profile and the folder, returns another run key) has
+    the command that makes it instead of its figures. The tables `fresh` are up to date.
     """
     if not any(name in table_runs.read(output, part) for part in table_runs.FORMS for name in registry.NAMES):
         raise MissingError(f"{output / 'tables'}: there are no tables to report; run radartwin tables first")

@@ -1,22 +1,17 @@
-"""Check the numbers of a text against the committed tables.
+"""Check the numbers of a text against the committed tables: `python -m analysis.numbers docs/findings.md README.md`.
 
-    python -m analysis.numbers docs/findings.md README.md
-
-A section of the text names its tables in backticks, such as `environment`. A number of the section counts as found if a cell of one of
-these tables, rounded like the number, has the same value. For a number before a per cent sign, the cell may hold the value as a fraction of
-one. Code, links and headings are left out. The command prints each number that it does not find. Its exit status is 1 if it does not find a
-number in a table or an interval of the text, because these numbers come from tables only.
+A section names its tables in backticks. A number of the section, also before a per cent sign, must round like a cell of one of these
+tables. The command prints the others; its exit status is 1 if one is in a table or an interval of the text. Code, links and headings are
+left out.
 """
-
-from __future__ import annotations
 
 import argparse
 import csv
 import re
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from analysis.pages.template import RESULTS
 from radartwin.io.one_line import one_line
@@ -26,8 +21,7 @@ INTERVAL = re.compile(r"[(\[]\s*[-+]?[\d.]+ ?(?:to|,) ?[-+]?[\d.]+\s*[)\]]")
 LEFT_OUT = re.compile(r"`[^`]*`|\]\([^)]*\)|https?://\S+|\d{4}-\d{2}-\d{2}")
 
 
-@dataclass(frozen=True)
-class Number:
+class Number(NamedTuple):
     """A number of a text: its line number, its text, the line, and whether it must come from a table."""
 
     line: int
@@ -38,25 +32,22 @@ class Number:
 
 def tables(folder: Path = RESULTS) -> dict[str, set[float]]:
     """Return all numbers of each committed table."""
-    values: dict[str, set[float]] = {}
-    for file in sorted(folder.glob("*.csv")):
-        with open(file, encoding="utf-8", newline="") as stream:
-            cells = [cell for row in csv.reader(stream) for cell in row]
-        values[file.stem] = {value for cell in cells for value in _values(cell)}
-    return values
+    rows = {file.stem: list(csv.reader(file.read_text(encoding="utf-8").splitlines())) for file in folder.glob("*.csv")}
+    return {name: {value for row in of_table for cell in row for value in _values(cell)} for name, of_table in rows.items()}
 
 
 def missing(text: str, known: dict[str, set[float]]) -> list[Number]:
     """Return the numbers of a text that no table of their section holds."""
     numbers = []
     for first, section in _sections(text):
-        named = [known[name] for name in re.findall(r"`([a-z_]+)`", "\n".join(section)) if name in known]
-        values = set().union(*named)
+        values = set().union(*(known.get(name, ()) for name in re.findall(r"`([a-z_]+)`", "\n".join(section))))
         for at, line in enumerate(section, first):
             bare = LEFT_OUT.sub(lambda match: " " * len(match.group()), line)
             intervals = [match.span() for match in INTERVAL.finditer(bare)]
             for match in NUMBER.finditer(bare):
-                if not _held(match.group(1), bool(match.group(2)), values):
+                wanted, scales = float(match.group(1).replace(",", "")), (1, 100) if match.group(2) else (1,)
+                half = 0.501 * 10.0 ** -len(match.group(1).partition(".")[2])
+                if not any(abs(value * scale - wanted) <= half for value in values for scale in scales):
                     strict = line.startswith("|") or any(low <= match.start() < high for low, high in intervals)
                     numbers.append(Number(at, match.group().strip(), line.strip(), strict))
     return numbers
@@ -68,12 +59,6 @@ def _values(cell: str) -> list[float]:
         return [float(cell)]
     except ValueError:
         return [float(text.replace(",", "")) for text, _ in NUMBER.findall(re.sub(r"(?<=\d)-(?=\d)", " ", cell))]
-
-
-def _held(text: str, percent: bool, values: set[float]) -> bool:
-    wanted, decimals = float(text.replace(",", "")), len(text.partition(".")[2])
-    half = 0.501 * 10.0**-decimals
-    return any(abs(value * scale - wanted) <= half for value in values for scale in ((1, 100) if percent else (1,)))
 
 
 def _sections(text: str) -> Iterator[tuple[int, list[str]]]:

@@ -2,8 +2,6 @@
 chart.
 """
 
-from __future__ import annotations
-
 import functools
 
 from radartwin.config.compose import conf_dir

@@ -1,11 +1,6 @@
-"""Record in the folder `tables` which run each table is from, which runs failed, and what each table depends on.
-
-- `tables/index.json` holds for each table the run key, the profile and the names of the table's figures.
-- `tables/failures.json` holds for each table the run that ended with an error; a later successful run of the table removes the entry.
-- `tables/stamps.json` holds for each table one SHA-256 hash of the table's files and of everything that the files depend on.
+"""Record in the folder `tables` which run each table is from (index.json), which runs ended with an error (failures.json), and one SHA-256
+hash of the files of each table and of everything that they depend on (stamps.json).
 """
-
-from __future__ import annotations
 
 import functools
 import hashlib
@@ -34,28 +29,22 @@ _FIGURE = re.compile(r"[^./\\\x00-\x1f][^/\\\x00-\x1f]*")  # matches the name of
 
 
 def lock(output: Path) -> AbstractContextManager[None]:
-    """Return the file lock that a process must hold while it reads or writes the index, the failures or the report.
-
-    The lock is necessary because another `radartwin tables` process may use the same folder.
-    """
+    """Return the file lock of a process that reads or writes the index, the failures or the report, which other processes may use."""
     return files.lock(output / "tables" / LOCK)
 
 
 def read(output: Path, name: str) -> Entries:
-    """Read the JSON file `name` (INDEX or FAILURES) as {table name: entry}; the result is empty if the file is absent. Raises
-    InputError if the file is damaged.
-    """
+    """Read a file as {table name: entry}, empty if it is absent. Raises InputError if the file is damaged."""
     path = output / "tables" / name
     if not path.is_file():
         return {}
     try:
         entries = untrusted_json.read(path)
-        if not all({key: type(value) for key, value in entry.items()} == FORMS[name] for entry in entries.values()):
-            raise ValueError("an entry is not of the expected form")
-        if not all(
-            isinstance(figure, str) and _FIGURE.fullmatch(figure) for entry in entries.values() for figure in entry.get("figures", ())
-        ):
-            raise ValueError("a figure's name is not that of a file")
+        for entry in entries.values():
+            if {key: type(value) for key, value in entry.items()} != FORMS[name]:
+                raise ValueError("an entry is not of the expected form")
+            if not all(isinstance(figure, str) and _FIGURE.fullmatch(figure) for figure in entry.get("figures", ())):
+                raise ValueError("a figure's name is not that of a file")
     except (ValueError, AttributeError, TypeError) as error:
         raise InputError(f"{path} is damaged ({str(error).splitlines()[0]}); delete it and run radartwin tables again") from error
     return entries
@@ -86,10 +75,7 @@ def add_report(output: Path) -> None:
 
 
 def unchanged(output: Path, table: str, profile: str) -> bool:
-    """Return whether a table of this profile is up to date.
-
-    A table is up to date if code, configuration, machine, table files and MLflow run are the same as when the table was written.
-    """
+    """Return whether code, configuration, machine, table files and MLflow run are the same as when the table was written."""
     entry = read(output, INDEX).get(table)
     if entry is None or entry["profile"] != profile or table in read(output, FAILURES) or entry["run_key"] not in mlflow_pages(output)[0]:
         return False
@@ -102,9 +88,7 @@ def report_unchanged(output: Path) -> bool:
 
 
 def _stamps(output: Path) -> dict[str, str]:
-    """Read {table name: hash (stamp) of the table's files and of everything that they depend on}. The dictionary is empty if the file with
-    the hashes is absent or damaged; all tables are then written again.
-    """
+    """Read {table name: stamp}. An absent or damaged file gives {}, so that all tables are written again."""
     return read_json(output / "tables" / STAMPS)
 
 

@@ -5,8 +5,6 @@ The CSV has full precision and every run key. The Markdown, LaTeX and HTML files
 The HTML table begins with what a reader needs: claim, verdict, value with interval, the paper's figure, and why the verdict follows.
 """
 
-from __future__ import annotations
-
 import csv
 import html
 import io
@@ -41,11 +39,7 @@ _LATEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasci
 
 
 def write(table: Table, rows: Sequence[Row], folder: Path) -> list[Path]:
-    """Write the table files NAME.csv, .md, .tex and .html, each atomically, and return their paths.
-
-    Raises:
-        InputError: a row lacks a score column, has an unknown verdict, or has a value outside its confidence interval.
-    """
+    """Write the files NAME.csv, .md, .tex and .html atomically, and return their paths. Raises InputError for a wrong row."""
     check_rows(table.name, [dict(row) for row in rows])
     texts = {"csv": to_csv(rows), "md": to_markdown(table, rows), "tex": to_latex(table, rows), "html": to_html(table, rows)}
     return [files.write_atomically(folder / f"{table.name}.{suffix}", texts[suffix]) for suffix in FORMATS]

@@ -1,14 +1,10 @@
 """Compute the rows of a result table from the frame (experiments.campaign.frame).
 
-A result table declares cells. A cell is one row of the table: the rows of the frame that it selects, the estimate, and the claim if it
-states one. A table's function `cells` receives the frame of one draw of the measurement (the measured recordings of this draw, and all
-simulated recordings), so that a cell may depend on what the draw has. `table_rows` computes each cell for every draw and joins them.
-
-An estimate is made by one of the functions below from the VALUES of its units, over which it resamples: a column's name gives one unit for
-each selected recording, `per` one unit for each object, and an array is used as it is.
+A table declares cells, each one row of the table: the rows of the frame that it selects, the estimate, and the claim if it states one. Its
+function `cells` receives the frame of one draw (the measured recordings of this draw, and all simulated ones); `table_rows` computes the
+cells of every draw and joins them. An estimate is made by one of the functions below from the VALUES of its units, over which it resamples:
+a column's name gives one unit for each selected recording, `per` one unit for each object, and an array is used as it is.
 """
-
-from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -34,12 +30,7 @@ AVERAGED, SUMMED = ("chance", "seed_sd"), ("answers", "first_only", "second_only
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """One row of a result table.
-
-    Attributes:
-        case: columns that say what the row is about.
-        of: the rows of the frame that the estimate uses, whose recordings the row names.
-    """
+    """One row of a result table: the columns `case` say what it is about, and `of` are the rows of the frame that the estimate uses."""
 
     case: Mapping[str, Any]
     metric: str
@@ -47,6 +38,7 @@ class Cell:
     estimate: Estimator | Estimate
     claim: Claim = NONE
     count: int | None = None  # number that column n shows; None stands for the number of recordings
+    panel: Any = None  # what a figure shows beside the row, of the first draw
 
     def row(self, config: Config) -> Row:
         """Compute the row. Raises ConfigError for a cell that selects no recordings, or that needs a column that the frame lacks."""
@@ -58,7 +50,7 @@ class Cell:
             estimate = known if isinstance(known, Estimate) else known(self.of, *seeds)
         except KeyError as error:
             raise ConfigError(f"{where} reads {error}, which its recordings lack; choose recordings with this column") from error
-        return Row(self.case, self.metric, estimate, frozenset(self.of.key), self.claim, config, self.count)
+        return Row(self.case, self.metric, estimate, frozenset(self.of.key), self.claim, config, self.count, panel=self.panel)
 
 
 Cells = Callable[[Frame], Iterable[Cell]]
@@ -91,10 +83,8 @@ def table_rows(config: Config, frame: Frame, cells: Cells, exact: Callable[[Row]
 
 
 def joined_rows(draws: Iterable[Iterable[Row]]) -> list[Row]:
-    """Join the rows of several draws of one table.
-
-    A joined row is the mean over the draws that have this row (column draws; see statistics.over_draws). The columns AVERAGED and SUMMED
-    may differ between draws.
+    """Join the rows of several draws of one table: the mean over the draws that have a row (column draws; see statistics.over_draws). The
+    columns AVERAGED and SUMMED may differ between draws.
     """
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in itertools.chain.from_iterable(draws):
@@ -156,9 +146,7 @@ def paired(frame: Frame, on: Sequence[str] = PLACE) -> Frame:
 
 
 def per(column: str | list[str], domain: str | None = None) -> Callable[[Frame], Column]:
-    """Return a function of the rows that averages a column for each object, first over the recordings of each place and then over the
-    places, so that a distance with more recordings has no more weight.
-    """
+    """Return a function that averages a column for each object: first over the recordings of each place, then over the places."""
 
     def means(rows: Frame) -> Column:
         selected = rows if domain is None else rows[rows.domain == domain]

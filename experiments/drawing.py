@@ -1,19 +1,23 @@
 """Parts of figures that several tables share: colours of measurement and simulation, range maps, error bars, legends, labels."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, TEXT_PT
+from radartwin.plotting.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, PALETTE, TEXT_PT, figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+if not TYPE_CHECKING:
+    Axes = Figure = Any  # no module imports Matplotlib before it draws
 
+__all__ = [
+    "COLUMN_WIDTH_IN", "PAGE_WIDTH_IN", "PALETTE", "Axes", "Figure", "error_bars", "figure", "legend_above", "panels_width_in", "place",
+    "range_map",
+]  # fmt: skip
 OFFSETS = (  # (right, up) of a label from its point, in units of 1/72 inch; preferred offsets come first
     (5, 0), (5, 6), (5, -6), (-5, 0), (-5, 6), (-5, -6), (0, 8), (0, -8), (5, 11), (5, -11), (-5, 11), (-5, -11),
 )  # fmt: skip
@@ -45,11 +49,9 @@ def legend_above(drawing: Figure, axes: Axes, columns: int) -> None:
 
 
 def place(axes: Any, points: Sequence[tuple[float, float]], texts: Sequence[str], colours: Sequence[Any]) -> None:
-    """Write `texts` beside `points` (data coordinates), each at the best offset of OFFSETS.
+    """Write `texts` beside `points` (data coordinates) at the best of OFFSETS, but none that would cover other things everywhere.
 
-    An empty text writes nothing, and neither does a text that would cover points or earlier texts everywhere.
-
-    Set the axis limits before calling this function, because the function compares text sizes in pixels.
+    Set the axis limits before, because the function compares text sizes in pixels.
     """
     from matplotlib.patheffects import withStroke
 

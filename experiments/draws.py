@@ -1,11 +1,8 @@
 """Read the frame of a table: all draws of the measurement, and all versions of simulation and testbed.
 
-A draw of the campaign (experiments.campaign.cases.Case) is one sample of everything that the testbed chooses at random. The options
-profile.campaign.draws (turntable and rail) and profile.campaign.rover_draws (drives) set the number of draws. The simulation under test is
-the same for all draws.
+A draw (experiments.campaign.cases.Case) is one sample of everything that the testbed chooses at random; profile.campaign.draws (turntable
+and rail) and profile.campaign.rover_draws (drives) set their number. The simulation under test is the same for all draws.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,10 +11,8 @@ from experiments.campaign.campaign import Campaign, joined, make_together
 from experiments.campaign.cases import MEASURED, ROVER, TWIN, draws
 from experiments.campaign.frame import Frame, Wanted, check_revolutions, shared, stored
 from experiments.campaign.schedule import RecordingTask
-from radartwin.config.config import Config
+from experiments.interface import Config, Progress, Store
 from radartwin.errors import ConfigError
-from radartwin.io.progress import Progress
-from radartwin.store.products import Store
 
 UNKNOWN, EXACT = "contents unknown", "objects of the catalogue"
 OBJECT_GAPS = ("object_shape", "object_material", "contents")  # gaps that change the target
@@ -25,10 +20,7 @@ OBJECT_GAPS = ("object_shape", "object_material", "contents")  # gaps that chang
 
 @dataclass(frozen=True)
 class Part:
-    """The recordings of one domain in a frame, as one configuration makes them, with their entries in the columns `frame.VERSIONS`.
-
-    `select` chooses the recordings among those of a campaign, if they are not those of the other parts.
-    """
+    """The recordings of one domain as one configuration makes them, with their entries in `frame.VERSIONS`; `select` may choose some."""
 
     domain: str
     config: Config
@@ -38,22 +30,15 @@ class Part:
 
 @dataclass(frozen=True)
 class Query:
-    """The recordings that a table reads: those of `config` in both domains, and those of further parts.
-
-    Attributes:
-        motions, room, several: those of `frame.shared`.
-        side: side of the configured simulation.
-        unknown: whether to add the simulation in which the contents of vessels are unknown (twin UNKNOWN, profile.unknown_contents).
-        exact: whether to add one draw of the testbed without the gaps OBJECT_GAPS (truth EXACT, profile.exact_objects).
-    """
+    """The recordings that a table reads: those of `config` in both domains, and those of further parts."""
 
     config: Config
     motions: Sequence[str]
     room: str | None = None
     several: bool = False
-    side: str = ""
-    unknown: bool = False
-    exact: bool = False
+    side: str = ""  # side of the configured simulation
+    unknown: bool = False  # add the simulation in which the contents of vessels are unknown (twin UNKNOWN, profile.unknown_contents)
+    exact: bool = False  # add one draw of the testbed without the gaps OBJECT_GAPS (truth EXACT, profile.exact_objects)
     more: Sequence[Part] = ()
 
     @property
@@ -104,9 +89,7 @@ def missing(parts: Sequence[tuple[Part, Campaign, Wanted]]) -> dict[str, Recordi
 
 
 def numbers(config: Config, rover: bool = False) -> list[int]:
-    """Return the numbers of the draws that a table reads. A recording set is a single draw. Raises ConfigError for a configured draw that
-    the campaign lacks.
-    """
+    """Return the draws that a table reads; a recording set is a single draw. Raises ConfigError for a draw that the campaign lacks."""
     if config.measured.provider != "testbed":
         return [0]
     known, draw = draws(config.profile.campaign, rover), config.measured.draw

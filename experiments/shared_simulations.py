@@ -5,24 +5,17 @@ reads and the store lacks. `calls(config)` returns further simulations as tuples
 store.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 
 from experiments.campaign.campaign import joined, make_together
-from radartwin.config.config import Config
-from radartwin.io.progress import Progress
+from experiments.interface import Config, Progress, Store
 from radartwin.runs import run
 from radartwin.runs.experiment import load
-from radartwin.store.products import Store
 
 
 def simulate(configs: Sequence[Config], progress: Progress) -> None:
-    """Simulate the recordings, and make the further simulations, that the configured experiments need and the store lacks.
-
-    The number of workers is that of the first configuration; all configurations of one command have the same.
-    """
+    """Make the recordings and further simulations that the experiments need, with the number of workers of the first configuration."""
     missing, calls = [], []
     for config in configs:
         if not run.finished(config):

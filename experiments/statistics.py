@@ -4,8 +4,6 @@ Every random draw uses the seed that the caller gives. All intervals are 95 % co
 interval (`p_value`), so that the interval excludes a value exactly if its p value is below 0.05.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math
@@ -38,16 +36,8 @@ STUDENT, PERMUTATION, BINOMIAL = "Student's t", "permutation", "exact binomial"
 
 @dataclass(frozen=True)
 class Estimate:
-    """An estimate from n items with its confidence interval, low <= value <= high.
-
-    Attributes:
-        drawn: (resamples,) the estimates of the bootstrap samples, or None if the interval does not come from a bootstrap.
-        limits: smallest and largest value that the quantity can have, such as -1 and 1 of a correlation.
-        freedom: degrees of freedom of the interval, from which `p` and `at_level` follow; None stands for n - 1.
-        scale: scale on which the interval is symmetric, a key of SCALES.
-        shuffled: (permutations,) the estimates with permuted objects, or None if the test is no permutation test.
-        closed: whether the objects are the classes of a closed set, so that only the spread over draws is an error.
-        test: name of the test that the interval inverts. unit: what the test permutes or resamples.
+    """An estimate from n items with its confidence interval, low <= value <= high. The arrays `drawn` (resamples,) and `shuffled`
+    (permutations,) are the estimates of the bootstrap samples and with permuted objects, or None for another test.
     """
 
     value: float
@@ -55,23 +45,21 @@ class Estimate:
     high: float
     n: int
     drawn: NDArray[np.floating] | None = field(default=None, repr=False, compare=False)
-    limits: tuple[float, float] = ANY
-    freedom: float | None = None
-    scale: str = ""
+    limits: tuple[float, float] = ANY  # smallest and largest value that the quantity can have
+    freedom: float | None = None  # degrees of freedom of the interval, from which `p` and `at_level` follow; None stands for n - 1
+    scale: str = ""  # scale on which the interval is symmetric, a key of SCALES
     shuffled: NDArray[np.floating] | None = field(default=None, repr=False, compare=False)
-    closed: bool = False
-    test: str = STUDENT
-    unit: str = "recordings"
+    closed: bool = False  # whether the objects are the classes of a closed set, so that only the spread over draws is an error
+    test: str = STUDENT  # name of the test that the interval inverts
+    unit: str = "recordings"  # what the test permutes or resamples
 
     @property
     def degrees(self) -> float:
         return max(self.n - 1, 1) if self.freedom is None else self.freedom
 
     def p(self, null: float) -> float:
-        """Return the two-sided p value against the hypothesis that the true value is `null`; NaN if the interval has no width.
-
-        It is that of the permutation test if `null` is the mean of the permuted estimates, where an interval that ends at a limit of the
-        quantity would give a smaller one.
+        """Return the two-sided p value against `null`; NaN if the interval has no width. It is that of the permutation test if `null` is
+        the mean of the permuted estimates, because an interval that ends at a limit of the quantity would give a smaller one.
         """
         if self.shuffled is not None and math.isclose(null, float(self.shuffled.mean()), abs_tol=1e-12):
             return permutation_p(self.value, self.shuffled)
@@ -79,9 +67,7 @@ class Estimate:
 
 
 def p_value(value: float, low: float, high: float, null: float, freedom: float, scale: str = "") -> float:
-    """Return the two-sided p value of Student's t test that the 95 % interval from `low` to `high` inverts, so that p is 0.05 if `null` is
-    at an end of the interval. NaN if the interval has no width on this side.
-    """
+    """Return the two-sided p value of the t test that the 95 % interval inverts; NaN if the interval has no width on the side of `null`."""
     from scipy.special import stdtr
 
     middle, end, at = (float(SCALES[scale][0](number)) for number in (value, low if null <= value else high, null))
@@ -139,12 +125,9 @@ def interval_of_p(value: float, null: float, p: float, n: int, limits: tuple[flo
 
 
 def permuted(value: float, shuffled: NDArray, n: int, limits: tuple[float, float] = ANY, scale: str = "") -> Estimate:
-    """Return an estimate over n objects with the interval that inverts its permutation test (see `interval_of_p`).
-
-    An estimate that is not beyond most of the permuted estimates has their standard deviation as standard error.
-
-    Args:
-        shuffled: (permutations,) the estimates with permuted objects, including that of the original order.
+    """Return an estimate over n objects with the interval that inverts its permutation test (see `interval_of_p`), given the estimates
+    (permutations,) with permuted objects, the original order included. An estimate that is not beyond most of these has their standard
+    deviation as standard error.
     """
     p = permutation_p(value, shuffled)
     estimate = interval_of_p(value, float(shuffled.mean()), p, n, limits, scale)
@@ -195,12 +178,8 @@ def mean(
 ) -> Estimate:  # fmt: skip
     """Return the mean of the samples with its confidence interval from a bootstrap over the samples, widened for few samples.
 
-    For a single sample, and for samples that are all equal, both bounds equal the mean.
-
-    Args:
-        scale: increasing function that converts means to the unit of the result, such as amplitudes to decibels. The interval is widened
-            in this unit, because a widened interval of amplitudes could extend below zero.
-        on: scale of SCALES on which the interval is widened, such as FISHER for correlations.
+    For a single sample, and for samples that are all equal, both bounds equal the mean. The interval is widened on the scale `on` of SCALES
+    and in the unit to which the increasing function `scale` converts means, because amplitudes could otherwise extend below zero.
 
     >>> mean([2.0], 100, 0).low
     2.0
@@ -248,13 +227,9 @@ def widened(drawn: NDArray, value: float, n: int) -> NDArray:
 def clustered(
     values: ArrayLike, clusters: ArrayLike, resamples: int, seed: int, classes: NDArray | None = None, limits: tuple[float, float] = ANY
 ) -> Estimate:
-    """Return the mean of values (N,) or (seeds, N), with the interval of a bootstrap that draws whole clusters; n counts clusters.
-
-    The interval is widened for few clusters. If the values are drawn within classes, the class with the fewest clusters decides.
-
-    Args:
-        clusters: (N,) cluster of each value. The recordings of one object are one cluster.
-        classes: (N,) class of each value, for a mean over classes with clusters drawn within each class; None for a plain mean.
+    """Return the mean of values (N,) or (seeds, N), with the interval of a bootstrap that draws whole clusters (N,), such as the recordings
+    of one object; n counts clusters. With `classes` (N,), it is a mean over classes, clusters are drawn within each class, and the class
+    with the fewest clusters decides how much the interval is widened.
     """
     clusters = np.asarray(clusters)
     value, drawn = score.seed_mean(np.asarray(values, float), clusters, resamples, seed, classes)
@@ -322,7 +297,7 @@ def rank_correlation(first: ArrayLike, second: ArrayLike) -> float:
         raise InputError(f"a correlation needs three or more finite pairs, not {first.shape} and {second.shape}")
     if np.ptp(first) == 0 or np.ptp(second) == 0:
         raise InputError("a correlation needs values that differ; one of the two is constant")
-    return float(_r(rankdata(first), rankdata(second)))
+    return float(pearson(rankdata(first), rankdata(second)))
 
 
 def spearman(first: ArrayLike, second: ArrayLike, seed: int) -> Estimate:
@@ -330,7 +305,7 @@ def spearman(first: ArrayLike, second: ArrayLike, seed: int) -> Estimate:
     from scipy.stats import rankdata
 
     value, ranks = rank_correlation(first, second), rankdata(second)
-    return permuted(value, _r(rankdata(first), ranks[orders(len(ranks), seed)]), len(ranks), SIGNED, FISHER)
+    return permuted(value, pearson(rankdata(first), ranks[orders(len(ranks), seed)]), len(ranks), SIGNED, FISHER)
 
 
 def correlation(first: NDArray, second: NDArray) -> float:
@@ -341,8 +316,7 @@ def correlation(first: NDArray, second: NDArray) -> float:
 def mantel(first: ArrayLike, second: ArrayLike, seed: int) -> Estimate:
     """Mantel test: correlation of two (n, n) distance matrices over the same objects. Ref: N. Mantel, Cancer Research 27 (1967).
 
-    The test permutes the objects of one matrix; the interval is on Fisher's scale (see `permuted`). Raises InputError if the inputs are not
-    distance matrices of the same three or more objects, or if all distances of one matrix are equal.
+    The test permutes the objects of one matrix (see `permuted`). Raises InputError for other matrices, or for equal distances.
     """
     first, second = (np.asarray(matrix, float) for matrix in (first, second))
     count = len(first)
@@ -354,8 +328,8 @@ def mantel(first: ArrayLike, second: ArrayLike, seed: int) -> Estimate:
     if not (np.ptp(first[rows, columns]) and np.ptp(second[rows, columns])):
         raise InputError("Mantel test: all distances of one matrix are equal")
     shuffled = orders(count, seed)
-    shuffled = _r(first[rows, columns], second[shuffled[:, rows], shuffled[:, columns]])
-    return permuted(float(_r(first[rows, columns], second[rows, columns])), shuffled, count, SIGNED, FISHER)
+    shuffled = pearson(first[rows, columns], second[shuffled[:, rows], shuffled[:, columns]])
+    return permuted(float(pearson(first[rows, columns], second[rows, columns])), shuffled, count, SIGNED, FISHER)
 
 
 def share(successes: float, trials: int) -> Estimate:
@@ -373,10 +347,8 @@ def share(successes: float, trials: int) -> Estimate:
 def coefficient_of_variation(samples: ArrayLike, resamples: int, seed: int) -> Estimate:
     """Return the sample standard deviation of positive values divided by their mean.
 
-    The interval is that of log-normally distributed values, whose coefficient of variation depends only on the standard deviation of their
-    logarithms. It contains the true value in 93 to 96 % of cases for 3 to 11 such values, and in 83 to 90 % of cases for normally
-    distributed values with a coefficient of variation of 0.3. A bootstrap interval contains the true value in only 47 to 60 % of cases for
-    four values.
+    The interval is that of log-normal values, which contains the true value in 93 to 96 % of cases for 3 to 11 values (normal values: 83
+    to 90 %), where a bootstrap contains it in 47 to 60 % of cases for four values.
     """
     samples = np.asarray(samples, float)
     if len(samples) < 2 or not (samples > 0).all():
@@ -392,16 +364,11 @@ def coefficient_of_variation(samples: ArrayLike, resamples: int, seed: int) -> E
 def over_draws(estimates: Sequence[Estimate], resamples: int, seed: int) -> Estimate:
     """Join the estimates of several draws of the measurement to an estimate of their mean. Draws without items are left out.
 
-    - If the objects are the classes of a closed set, the interval is that of Student's t distribution over draws.
-    - If all draws permute the same objects in the same ways, the permuted estimates are averaged over draws, as the estimates are, so that
-      the test permutes the objects of the pooled answers.
-    - Otherwise the interval is a bootstrap over draws and items together (A. Owen, Annals of Applied Statistics 1 (2007) 386): each sample
-      draws the estimates with replacement, and takes the same bootstrap sample of items from each drawn estimate. For an estimate without
-      bootstrap samples, normally distributed samples with the width of its interval are used. All estimates use the same random numbers for
-      these samples, because the draws may have the same items. The spread of items within each draw also spreads the draws; this part of
-      the spread between draws is taken off, so that it counts once. The sum of both deviations is widened for the degrees of freedom of
-      Welch and Satterthwaite. The attribute n is the smallest number of items of a draw, or the number of draws if every draw has a single
-      item. The samples are clipped to the limits of the quantity.
+    - Objects that are the classes of a closed set: Student's t over draws.
+    - The same permutations in all draws: the permuted estimates are averaged too, so that the test permutes the pooled answers.
+    - Otherwise: a bootstrap over draws and items together (A. Owen, Annals of Applied Statistics 1 (2007) 386), with the same sample of
+      items in each draw. The spread of the items also spreads the draws; this part counts once. The sum of both deviations is widened for
+      the degrees of freedom of Welch and Satterthwaite. n is the smallest number of items, or that of draws if each has a single item.
     """
     estimates = [e for e in estimates if e.n] or estimates[:1]
     draws, first = len(estimates), estimates[0]
@@ -418,7 +385,11 @@ def over_draws(estimates: Sequence[Estimate], resamples: int, seed: int) -> Esti
     value, (forward, back) = float(values.mean()), SCALES[first.scale]
     values = forward(values)
     wide = np.array([_tail(e.degrees) for e in estimates])
-    samples = (forward(np.stack([_samples(e, normal) for e in estimates])) - values[:, None]) / wide[:, None]
+    drawn = [  # the bootstrap samples, or `normal` scaled to the width of the interval
+        np.resize(np.asarray(e.drawn, np.float64), resamples) if e.drawn is not None
+        else e.value + normal * np.where(normal > 0, e.high - e.value, e.value - e.low) / 1.96 for e in estimates
+    ]  # fmt: skip
+    samples = (forward(np.stack(drawn)) - values[:, None]) / wide[:, None]
     index = rng.integers(draws, size=(draws, resamples))
     inner = samples[index, np.arange(resamples)].mean(axis=0)
     between = math.sqrt(draws / (draws - 1)) * (values[index].mean(axis=0) - values.mean())
@@ -436,15 +407,6 @@ def over_draws(estimates: Sequence[Estimate], resamples: int, seed: int) -> Esti
     return replace(joined, freedom=freedom, scale=first.scale, unit="draws" if single else f"draws and {first.unit}")
 
 
-def _samples(estimate: Estimate, normal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the bootstrap samples (resamples,) of an estimate. If it has none, return the samples `normal`, scaled to the width of its
-    interval.
-    """
-    if estimate.drawn is not None:
-        return np.resize(np.asarray(estimate.drawn, np.float64), len(normal))
-    return estimate.value + normal * np.where(normal > 0, estimate.high - estimate.value, estimate.value - estimate.low) / 1.96
-
-
 def ssim(first: NDArray, second: NDArray) -> float:
     """Return the structural similarity (SSIM) of two maps with values from 0 to 1. The SSIM window is at most seven cells wide."""
     from skimage.metrics import structural_similarity
@@ -455,9 +417,8 @@ def ssim(first: NDArray, second: NDArray) -> float:
 
 
 def ms_ssim(first: NDArray, second: NDArray) -> float:
-    """Return the multi-scale structural similarity of two maps with values from 0 to 1. Ref: Z. Wang, E. Simoncelli, A. Bovik, Asilomar
-    Conference on Signals, Systems and Computers (2003) 1398. Scales at which a map is smaller than the Gaussian window (11 cells) are
-    left out, and the weights of the others are scaled to a sum of 1.
+    """Return the multi-scale structural similarity of maps with values from 0 to 1, without scales below the window of 11 cells.
+    Ref: Z. Wang, E. Simoncelli, A. Bovik, Asilomar Conference on Signals, Systems and Computers (2003) 1398.
     """
     from scipy.ndimage import gaussian_filter, uniform_filter
 
@@ -475,7 +436,7 @@ def ms_ssim(first: NDArray, second: NDArray) -> float:
     return product
 
 
-def _r(first: NDArray, second: NDArray) -> NDArray:
+def pearson(first: NDArray, second: NDArray) -> NDArray:
     """Compute Pearson's correlation coefficient along the last axis; NaN where all values of one input are equal."""
     first, second = first - first.mean(axis=-1, keepdims=True), second - second.mean(axis=-1, keepdims=True)
     norm = np.sqrt(np.sum(first**2, axis=-1) * np.sum(second**2, axis=-1))
@@ -483,10 +444,7 @@ def _r(first: NDArray, second: NDArray) -> NDArray:
 
 
 def _interval(drawn: NDArray, value: float) -> tuple[float, float]:
-    """Compute the percentile interval of the resampled values `drawn`, extended if necessary so that it contains `value`.
-
-    Resamples without a value (NaN) are left out. A bound is infinite if more than 2.5 % of the resampled values are.
-    """
+    """Compute the percentile interval of resampled values without NaN, extended to contain `value`; an end may be infinite."""
     drawn = np.sort(drawn[~np.isnan(drawn)])
     if not len(drawn):
         return value, value

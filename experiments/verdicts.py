@@ -1,7 +1,5 @@
 """Build table rows with a claim, the figure of the paper and our result, and judge the claim by the interval of the result."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -66,26 +64,17 @@ class Claim:
     """A claim about one table row, by the paper or by this project, with the condition that our result must meet.
 
     Bounds are minimum effects. docs/findings.md says when they were written. A claim without text is not judged.
-
-    Attributes:
-        text: the claim in words. paper: the value in the paper.
-        bound, direction: the whole confidence interval must lie above or below the bound; for a claim of no effect (EQUAL), it must lie
-            within `margin` around `null`.
-        null: value that stands for no effect; None stands for the bound.
-        least: smallest number of items that have an interval; a figure that is no estimate has 1.
-        limit: whether the claim is a limit of an engineering table, which says "holds" or "misses".
-        untestable: reason why this testbed cannot decide the claim by construction.
     """
 
     text: str = ""
-    paper: str = ""
-    bound: float | None = None
-    direction: str = ABOVE
-    null: float | None = None
+    paper: str = ""  # the value in the paper
+    bound: float | None = None  # the whole confidence interval must lie beyond it, on the side `direction`
+    direction: str = ABOVE  # ABOVE, BELOW, or for a claim of no effect EQUAL: within `margin` around `null`
+    null: float | None = None  # value that stands for no effect; None stands for the bound
     margin: float | None = None
-    least: int = 2
-    limit: bool = False
-    untestable: str = ""
+    least: int = 2  # smallest number of items that have an interval; a figure that is no estimate has 1
+    limit: bool = False  # whether the claim is a limit of an engineering table, which says "holds" or "misses"
+    untestable: str = ""  # reason why this testbed cannot decide the claim by construction
 
     def columns(self, estimate: Estimate) -> dict[str, Any]:
         """Return the columns of a row from which the verdict follows, with the verdict; an estimate without an error has no interval."""
@@ -124,23 +113,17 @@ NONE = Claim()
 
 @dataclass(eq=False)
 class Row(dict[str, Any]):
-    """A table row as a dictionary {column: value}, with the estimate, the claim and the store keys that the columns show.
+    """A table row as a dictionary {column: value}, with the estimate, the claim and the store keys that the columns show."""
 
-    Attributes:
-        case: columns that say what the row is about.
-        recordings: store keys of the recordings.
-        count: number that column n shows; None stands for the number of keys, or without keys for the number of items.
-        domain: data with which the value was compared; None stands for the configured measured recordings.
-    """
-
-    case: Mapping[str, Any]
+    case: Mapping[str, Any]  # columns that say what the row is about
     metric: str
     estimate: Estimate
-    recordings: frozenset[str]
+    recordings: frozenset[str]  # store keys
     claim: Claim
     config: Config = field(repr=False)
-    count: int | None = None
-    domain: str | None = None
+    count: int | None = None  # column n; None stands for the number of keys, or without keys of items
+    domain: str | None = None  # data with which the value was compared; None stands for the configured measured recordings
+    panel: Any = field(default=None, repr=False)  # what a figure shows beside the row
 
     def __post_init__(self) -> None:
         estimate = self.estimate
@@ -156,15 +139,6 @@ class Row(dict[str, Any]):
                 "domain": self.domain or self.config.measured.provider, "verdict": judged["verdict"],
             }
         )  # fmt: skip
-
-
-def row(config: Config, case: Mapping[str, Any], metric: str, estimate: Estimate, keys: Iterable[str], claim: Claim = NONE) -> Row:
-    """Build one table row from the columns `case`, an estimate, the store keys of the recordings used, and the claim.
-
-    Column n shows the number of recordings if the row has store keys, else the number of items; the verdict always uses the number of
-    items. A value or end of an interval that is not finite becomes None.
-    """
-    return Row(case, metric, estimate, frozenset(keys), claim, config)
 
 
 def told(keys: Iterable[str]) -> str:
@@ -197,7 +171,7 @@ class RowList(list[Row]):
     def add(
         self, case: Mapping[str, Any], metric: str, estimate: Estimate, keys: Iterable[str], claim: Claim = NONE, count: int | None = None
     ) -> Row:
-        """Append one row to the table and return it. The arguments are those of the function `row`; `count` is the value of column n."""
+        """Append one row to the table and return it. `count` is the value of column n."""
         self.append(Row(case, metric, estimate, frozenset(keys), claim, self.config, count))
         return self[-1]
 
@@ -205,11 +179,6 @@ class RowList(list[Row]):
         self, case: Mapping[str, Any], metric: str, samples: ArrayLike, keys: Iterable[str], claim: Claim = NONE,
         limits: tuple[float, float] = statistics.ANY, on: str = "",
     ) -> Row:  # fmt: skip
-        """Append one row with the mean of the samples and its confidence interval from a bootstrap over the samples.
-
-        Args:
-            limits: smallest and largest value that the quantity can have.
-            on: scale of the interval (`statistics.SCALES`).
-        """
+        """Append a row with the mean of samples of a quantity within `limits`, and its bootstrap interval on the scale `on` (SCALES)."""
         estimate = statistics.mean(samples, self.config.profile.resamples, self.config.seed, limits, on=on)
         return self.add(case, metric, estimate, keys, claim)

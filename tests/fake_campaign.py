@@ -14,8 +14,7 @@ import numpy as np
 
 from experiments.campaign import frame
 from experiments.campaign.cases import MEASURED, REFLECTOR, TWIN, Case, Motion
-from experiments.campaign.frame import Frame
-from experiments.campaign.source import RecordingSource
+from experiments.campaign.frame import Frame, RecordingSource
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.features.log import Nominal
@@ -36,7 +35,7 @@ OFFSETS_M = (-0.6, -0.3, 0.35, 0.5, 0.8)  # range differences between the room's
 
 
 class FakeCampaign:
-    """This class returns synthetic recordings and has the interface of experiments.campaign.source.
+    """This class returns synthetic recordings and has the interface experiments.campaign.frame.RecordingSource.
 
     Args:
         frames: number of frames of a drive, or of one revolution.

@@ -1,7 +1,5 @@
 """Write the page docs/findings.md from its template and the committed tables in docs/results."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from analysis.pages.template import ROOT, filled

@@ -1,7 +1,5 @@
 """Draw the meshes of the twelve test objects in a grid. Command: `python -m analysis.pages.objects [FILE]`."""
 
-from __future__ import annotations
-
 import io
 import sys
 from pathlib import Path
@@ -21,9 +19,7 @@ VIEW_DEG = (14.0, -35.0)  # elevation, azimuth
 
 
 def patches(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
-    """Divide a textured mesh into F small triangles. Returns the vertices (F, 3, 3) of the triangles, and the RGB colours (F, 3) of
-    the triangles under one lamp.
-    """
+    """Divide a textured mesh into F triangles. Returns their vertices (F, 3, 3) and RGB colours (F, 3) under one lamp."""
     visual: Any = mesh.visual
     image = np.asarray(visual.material.baseColorTexture.convert("RGB")) / 255.0
     both = np.hstack([mesh.vertices, 1e-3 * visual.uv])  # subdivided with the vertices; the factor keeps uv from affecting edge lengths

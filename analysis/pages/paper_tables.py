@@ -1,14 +1,10 @@
 """Write docs/paper-tables.md: the paper's tables, figures and numbers in its order, beside the rows of docs/results that answer them.
 
-`paper_tables.yaml` lists the sections. A row of a section has the keys `quantity`, `paper` (the paper's figure), `same` (whether the
-protocol is the same) and the columns that select one row of a results table. A list as a column's value gives a row for each entry.
-Instead of `quantity` and `paper`, a row may have `cells`: texts, and mappings with a `paper` of their own. `column` shows another column
-than the value, `here` is a text, and `setting` names a constant (module:NAME) or an attribute of the radar or the profile paper.
-
-A primary claim has the interval and the verdict of the table `headline`, because these include Holm's correction.
+A row of a section in `paper_tables.yaml` has `quantity`, `paper` (the paper's figure), `same` (whether the protocol is the same) and the
+columns that select one row of a results table; a list gives a row for each entry. `cells` are texts, and mappings with a `paper` of their
+own. `column` shows another column, `here` is a text, and `setting` names a constant (module:NAME) or an attribute of radar or profile.
+A primary claim has the interval and the verdict of the table `headline`, which include Holm's correction.
 """
-
-from __future__ import annotations
 
 import functools
 import pkgutil
@@ -51,11 +47,8 @@ def content() -> list[dict[str, Any]]:
 
 
 def tables(read: Callable[[str], pd.DataFrame] = committed, absent: str = "") -> Iterator[tuple[str, str, pd.DataFrame]]:
-    """Yield title, note and table of each section.
-
-    Args:
-        read: function that returns the rows of a results table as texts; an empty table stands for a missing one.
-        absent: text of a cell whose row is missing; if it is empty, such a cell raises ValueError.
+    """Yield title, note and table of each section, from a function that returns the rows of a results table as texts, none of a missing
+    one. `absent` is the text of a cell whose row is missing; if it is empty, such a cell raises ValueError.
     """
     read = functools.cache(read)
     for section in content():

@@ -1,10 +1,6 @@
-"""Write the results in README.md from their template and the committed tables, and draw its two pictures.
-
-`python -m analysis.pages` writes the text. `python -m analysis.pages.readme` runs `radartwin demo` and the Python example of README.md, and
-copies their pictures to docs/figures.
+"""Write the results in README.md from their template and the committed tables (`python -m analysis.pages`), and draw its two pictures
+(`python -m analysis.pages.readme` runs `radartwin demo` and the Python example).
 """
-
-from __future__ import annotations
 
 import contextlib
 import re
@@ -57,11 +53,8 @@ def draw() -> None:
     (example,) = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         subprocess.run([sys.executable, "-"], input=example, text=True, check=True)
-        pictures = {
-            "demo": demo(Path("outputs")).with_name(STRIP),
-            "first_lines": Path("outputs/processed/room/range_azimuth.png"),
-        }
-        for name, picture in pictures.items():
+        room = Path("outputs/processed/room/range_azimuth.png")
+        for name, picture in (("demo", demo(Path("outputs")).with_name(STRIP)), ("first_lines", room)):
             print(files.write_atomically(FIGURES / f"{name}.png", picture.read_bytes()))
 
 

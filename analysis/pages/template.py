@@ -1,16 +1,11 @@
 """Fill the Jinja2 template of a page with values of the committed tables in docs/results.
 
     {{ row("environment", metric="profile correlation", case="void", distance_m=2) | interval }}       0.43 (0.40 to 0.45)
-    {{ row("environment", metric="profile correlation", case="void", distance_m=2).value | number }}   0.43
     {{ rows("headline", verdict="holds") | lines("claim of the paper", "value", "verdict") }}          lines of a Markdown table
-    {{ rows("headline", verdict="holds") | length }}                                                   number of rows
 
-`rows` returns the rows of a table whose columns have the given values, and `row` returns the only such row. Numbers are compared as
-numbers, and an empty value stands for an empty cell or a column that the table lacks. In a line of a table, the column `value` includes the
-interval.
+`rows` returns the rows of a table whose columns have the given values (compared as numbers), and `row` the only such row. An empty
+value stands for an empty cell or a column that the table lacks. In a line, the column `value` includes the interval.
 """
-
-from __future__ import annotations
 
 import functools
 import textwrap
@@ -58,10 +53,7 @@ def committed(table: str, folder: Path = RESULTS) -> pd.DataFrame:
 
 
 def number(text: str | float) -> str:
-    """Return a number with two decimals, or with fewer if it is large and one significant digit if it is small.
-
-    Whole numbers and words of a table stay as they are.
-    """
+    """Return a number with two decimals, with fewer if it is large, and with one significant digit if it is small. Words stay."""
     if isinstance(text, str):
         try:
             return text if text.isdigit() else number(float(text))

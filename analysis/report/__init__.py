@@ -1,13 +1,8 @@
-"""Write the report, OUTPUT/report/index.html. A browser can open the report from this folder without an internet connection.
+"""Write the report, OUTPUT/report/index.html, which a browser can open without an internet connection.
 
-- `content` reads rows and figures of each table, or the reason why a table is absent.
-- `origin` reads the versions, machine, seeds, run times and MLflow runs behind the report.
-- `room_pages` writes pages that show the rooms in three dimensions.
-- `markup` fills the template of the report page, which escapes all text that enters the page.
-- `page/` holds the HTML template, the style sheet and the script.
+`content` reads the tables, `origin` their runs, `room_pages` draws the rooms, and `markup` fills the template in `page`, which escapes all
+text that enters the page.
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -28,12 +23,8 @@ def path(output: Path) -> Path:
 def write(sections: Sequence[Section], output: Path) -> Path:
     """Write OUTPUT/report from the tables and figures of the output folder, and return the path of its index.html.
 
-    The report folder can be moved elsewhere. Reports of the same tables and figures are equal byte by byte. The page is written after the
-    files that it links to, and files of an earlier report are removed last, so that no link is broken at any time.
-
-    Raises:
-        MissingError: a file of a table is missing or damaged.
-        OutputError: the folder cannot be written.
+    Reports of the same tables and figures are equal byte by byte. The page is written after the files that it links to, and files of an
+    earlier report are removed last. Raises MissingError if a file of a table is missing or damaged, and OutputError.
     """
     root = path(output).parent
     content: dict[str, Path | bytes] = {f"{part}/{file.name}": file for section in sections for part, file in section.files()}

@@ -1,7 +1,5 @@
 """Collect the content of the report for each table: the table's rows and files, or the reason why the table is absent."""
 
-from __future__ import annotations
-
 import csv
 import re
 from collections import Counter
@@ -53,9 +51,7 @@ class Section:
         return self._there(self.output / "figures" / f"{name}{suffix}")
 
     def css_pixels(self, name: str) -> tuple[int, int]:
-        """Return width and height of a figure on the page, where all figures have one text size. Raises MissingError if the file is not
-        a picture.
-        """
+        """Return width and height of a figure on the page. Raises MissingError if the file is not a picture."""
         from PIL import Image
 
         path = self.figure(name)
@@ -87,9 +83,7 @@ class Section:
 
     @cached_property
     def rows(self) -> list[dict[str, str]]:
-        """Read the table rows from the CSV file; an absent table gives an empty list. Raises MissingError if the CSV is missing or
-        damaged.
-        """
+        """Read the rows of the CSV file, none if the table is absent. Raises MissingError if it is missing or damaged."""
         if self.absent:
             return []
         path = self.file("csv")

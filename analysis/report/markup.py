@@ -1,7 +1,5 @@
 """Write the report page as HTML from the template `page/page.html`, which escapes all text of tables, runs and scenes."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 from collections import Counter
@@ -32,7 +30,7 @@ def page(sections: Sequence[Section], rooms: Sequence[RoomPage], origin: Origin)
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(FOLDER), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    helpers = {"plural": plural, "slug": slug, "seconds": _seconds}
+    helpers = {"plural": plural, "slug": slug, "seconds": lambda seconds: f"{seconds:,.{0 if seconds >= 10 else 1}f} core-seconds"}
     environment.filters |= helpers
     by_name = {section.table.name: section for section in sections}
     script = (FOLDER / "page.js").read_text(encoding="utf-8")
@@ -86,7 +84,3 @@ def answer(headline: Sequence[Mapping[str, str]]) -> str:
         f"{known['verdict'] or NO_VERDICT}. Of the {len(headline)} main claims of the paper, {', '.join(told[:-1])} and {told[-1]}; "
         f"{', and '.join(doubts)}."
     )
-
-
-def _seconds(seconds: float) -> str:
-    return f"{seconds:,.0f} core-seconds" if seconds >= 10 else f"{seconds:.1f} core-seconds"

@@ -3,8 +3,6 @@
 This module only reads files; it runs no experiment.
 """
 
-from __future__ import annotations
-
 import contextlib
 import re
 import sqlite3
@@ -60,18 +58,12 @@ def of(sections: Sequence[Section], output: Path) -> Origin:
 
 
 def _run(section: Section, cache: Path, page: str) -> Run:
-    meta = read_json(cache / RUN / section.run_key / META) if _KEY.fullmatch(section.run_key) else {}
-    spec = meta.get("spec")
-    config = spec.get("config") if isinstance(spec, dict) else None
-    seed = config.get("seed") if isinstance(config, dict) else None
+    seed = meta = read_json(cache / RUN / section.run_key / META) if _KEY.fullmatch(section.run_key) else {}
+    for name in ("spec", "config", "seed"):
+        seed = seed.get(name) if isinstance(seed, dict) else None
     seconds = meta.get("core_seconds")
-    return Run(
-        section,
-        seed if isinstance(seed, int) else None,
-        str(meta.get("finished", "")),
-        float(seconds) if isinstance(seconds, int | float) else None,
-        page,
-    )
+    number = float(seconds) if isinstance(seconds, int | float) else None
+    return Run(section, seed if isinstance(seed, int) else None, str(meta.get("finished", "")), number, page)
 
 
 def mlflow_pages(output: Path) -> tuple[dict[str, str], str]:
@@ -93,9 +85,7 @@ def mlflow_pages(output: Path) -> tuple[dict[str, str], str]:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Read the JSON object in a file; returns an empty object if the file is absent or damaged, for instance after the cache was
-    cleared.
-    """
+    """Read the JSON object in a file; an absent or damaged file gives an empty object."""
     try:
         content = untrusted_json.read(path)
     except (OSError, ValueError):

@@ -1,7 +1,5 @@
 """Draw a three-dimensional page (as the command radartwin view does) and a preview picture of each room of the study."""
 
-from __future__ import annotations
-
 import functools
 import io
 from dataclasses import dataclass

@@ -1,43 +1,31 @@
 """Resolution of two targets at one range by Bartlett, Capon and MUSIC: probability over noise draws, and two traced spheres.
 
-Each draw has K = 2 M snapshots of M antennas. The antennas form a uniform line with a spacing of half a wavelength at 77 GHz, and the
-signal has the middle frequency of the IWR1843. The two targets have equal power and independent random phases in each snapshot, and the
-noise is white. The signal-to-noise ratio is the power of one target over the noise power of one antenna in one snapshot. The unit of
-separation is the Rayleigh width lambda / (M d) of sin(azimuth). Both targets of a draw are resolved if the two highest maxima of the
-spectrum are on different sides of the middle, each closer than half of the separation to its target. MUSIC knows the number of targets.
-
-The spheres are at rest, so that their echoes are coherent. For the spheres, the methods have the settings of `radartwin process --angle`.
+Each draw has K = 2 M snapshots of a uniform line of M antennas, half a wavelength apart. Both targets have equal power and independent
+random phases; the signal-to-noise ratio is that of one target on one antenna in one snapshot. Separations are in Rayleigh widths lambda /
+(M d) of sin(azimuth). Both targets are resolved if the two highest maxima are on different sides of the middle, each closer than half of
+the separation to its target. MUSIC knows the number of targets. The echoes of the spheres at rest are coherent.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from experiments import statistics
-from experiments.drawing import legend_above
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure, legend_above
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.statistics import Estimate
 from experiments.verdicts import BELOW, Claim, RowList
-from radartwin.config.config import Config
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.radar.angles import METHODS, AngleMethod, azimuth_spectrum, spectrum
 from radartwin.radar.cell_directions import maxima, standard_method
 from radartwin.radar.chirp import Radar
 from radartwin.radar.covariance import covariance
 from radartwin.radar.detection import detect
 from radartwin.radar.processing import range_fft, response
-from radartwin.runs.experiment import Result, Table
 from radartwin.scene import objects
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.simulate import simulate
-from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="angle_resolution",
@@ -79,8 +67,10 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
             curves[antennas, snr_db, method] = estimates
     recording, true_rad = spheres(config.seed)
     for method in METHODS:
+        peaks_rad = detect(recording.iq, RADAR, angle=method).azimuth_rad
+        worst_rad = np.abs(peaks_rad[:, None] - true_rad).min(axis=0).max()  # distance of the worse sphere from the nearest peak
         case = {"antennas": 8, "snapshots": FRAMES, "snr_db": None, "method": method, "separation": SPHERES}
-        rows.add(case, ERROR, statistics.exact(sphere_error_deg(recording, true_rad, method), 1), [])
+        rows.add(case, ERROR, statistics.exact(float(np.degrees(worst_rad)), 1), [])
     for row in rows:
         row["domain"] = "simulation" if row["metric"] == ERROR else "noise draws"
     metrics = {f"half_{r['antennas']}_{r['snr_db']:g}_{r['method']}": r["value"] for r in rows if r["metric"] == HALF}
@@ -97,17 +87,12 @@ def resolved(antennas: int, snr_db: float, separation: float, draws: int, seed: 
     signals = 10 ** (snr_db / 20) * np.exp(2j * np.pi * rng.random((draws, snapshots, 2))) @ waves.T
     noise = rng.standard_normal((draws, snapshots, antennas)) + 1j * rng.standard_normal((draws, snapshots, antennas))
     matrices = covariance(signals + noise / np.sqrt(2))
-    offset = np.arange(-WINDOW, WINDOW + STEP / 2, STEP)
-    out = {}
+    offset, targets, out = np.arange(-WINDOW, WINDOW + STEP / 2, STEP), separation * np.array([-0.5, 0.5]), {}
     for method in METHODS:
         levels = spectrum(matrices, positions_m, frequency_hz, AngleMethod(method, sources=2))(_horizontal(rayleigh * offset))
-        out[method] = sum(_is_resolved(offset, level, separation) for level in levels)
+        highest = [np.sort(offset[maxima(level)[:2]]) for level in levels]
+        out[method] = sum(len(two) == 2 and bool((np.abs(two - targets) < separation / 2).all()) for two in highest)
     return out
-
-
-def _is_resolved(offset: np.ndarray, level: np.ndarray, separation: float) -> bool:
-    highest = np.sort(offset[maxima(level)[:2]])
-    return len(highest) == 2 and bool((np.abs(highest - separation * np.array([-0.5, 0.5])) < separation / 2).all())
 
 
 def _horizontal(sine: np.ndarray) -> np.ndarray:
@@ -115,10 +100,7 @@ def _horizontal(sine: np.ndarray) -> np.ndarray:
 
 
 def half_resolved(estimates: list[Estimate], config: Config) -> Estimate:
-    """Return the smallest separation at which the probability of resolution reaches one half, by linear interpolation.
-
-    The interval is a parametric bootstrap over the draws of each separation. The value is NaN if the probability stays below one half.
-    """
+    """Return the separation at which the probability reaches one half (NaN if it does not), with a parametric bootstrap over draws."""
     draws = estimates[0].n
     rng = np.random.default_rng([config.seed, draws])
     drawn = rng.binomial(draws, [estimate.value for estimate in estimates], size=(config.profile.resamples, len(estimates))) / draws
@@ -148,12 +130,6 @@ def spheres(seed: int) -> tuple[Any, np.ndarray]:
     motion = {f"sphere{n}": np.repeat(trajectory.pose(place)[None], FRAMES, axis=0) for n, place in enumerate(places)}
     scene = Scene([Surface(objects.sphere(0.03), "metal", name) for name in motion])
     return simulate(scene, RADAR, np.eye(4), motion=motion, noise=True, seed=seed), azimuth_rad
-
-
-def sphere_error_deg(recording: Any, true_rad: np.ndarray, method: str) -> float:
-    """Return the error in azimuth of the worse sphere in degrees. The error of a sphere is its distance from the nearest detected peak."""
-    peaks_rad = detect(recording.iq, RADAR, angle=method).azimuth_rad
-    return float(np.degrees(np.abs(peaks_rad[:, None] - true_rad).min(axis=0).max()))
 
 
 def drawing(curves: dict, recording: Any, true_rad: np.ndarray) -> Figure:

@@ -35,12 +35,8 @@ CLEAN, PROCESSED = "clean", "processed"
 
 
 class Campaign:
-    """List, simulate and read the measured and simulated recordings of one configuration. The store keeps the recordings.
-
-    If `draw` is given, only the measured recordings of this draw of the virtual campaign are listed. None stands for the configured draw
-    (measured.draw), or for all draws if none is configured.
-
-    Raises UserError if the configured recording set cannot be used, or was made with a radar that differs from the configured radar.
+    """List, simulate and read the measured and simulated recordings of one configuration, which the store keeps. `draw` is the only listed
+    draw of the virtual campaign; None stands for measured.draw, or for all draws. Raises UserError if the recording set cannot be used.
     """
 
     def __init__(self, config: Config, store: Store, progress: Progress, draw: int | None = None):
@@ -55,11 +51,9 @@ class Campaign:
         return other
 
     def cases(self, domain: str, **conditions: Any) -> list[Case]:
-        """Return the recordings of a domain (measured or simulated) that meet conditions such as motion="turntable", room="lab",
-        object="mug", distance_m=1.0.
+        """Return the recordings of a domain that meet conditions such as motion="turntable" or object="mug".
 
-        If the measurements come from a recording set, the simulated domain has one recording per condition, without repetitions. Raises
-        InputError for a domain other than "measured" and the simulated domains.
+        A recording set has one simulated recording per condition, without repetitions. Raises InputError for an unknown domain.
         """
         self._check(domain)
         if self._recorded is None:
@@ -70,11 +64,7 @@ class Campaign:
         return [case for case in cases if all(getattr(case, name) == value for name, value in conditions.items())]
 
     def log(self, case: Case, domain: str = "measured") -> Log:
-        """Return the log (nominal motion of radar and target) of a recording.
-
-        If the measurements come from a recording set, the simulation follows the log of the longest repetition of the same condition. For
-        a turntable, the log of this repetition is cut to one revolution.
-        """
+        """Return the log of a recording; from a recording set the simulation follows the longest repetition, cut to one revolution."""
         if self._recorded is not None:
             return self._recorded.log(case) if domain == MEASURED else self._recorded.twin_log(case)
         return log(case, self.config.profile.campaign, measured=domain == MEASURED)
@@ -97,9 +87,7 @@ class Campaign:
         return self.store.fetch(PROCESSED, spec | {"of": key, "doppler": doppler}, ["radartwin.features.processed"], build)
 
     def recording(self, domain: str, case: Case) -> Recording:
-        """Return the recording with receiver effects (noise, leakage, ADC). A recording simulated from the scan has thermal noise as
-        its only receiver effect.
-        """
+        """Return the recording with receiver effects. One simulated from the scan has thermal noise as its only receiver effect."""
         return self._source(domain, case)[1]()
 
     def clean(self, domain: str, case: Case) -> Product:
@@ -112,10 +100,7 @@ class Campaign:
         make_together(self.missing(wanted), self.config.jobs, self.progress, fresh)
 
     def missing(self, wanted: Iterable[tuple[str, Case]], clean: bool = False, setup: str = "") -> dict[str, RecordingTask]:
-        """Return {store key: task} of the simulated recordings that the store lacks, as input of `make_together`.
-
-        `clean` and `setup` become the attributes of the same name in RecordingTask.
-        """
+        """Return {store key: task} of the simulated recordings that the store lacks; `clean` and `setup` become attributes of the tasks."""
         tasks = {}
         for domain, case in wanted:
             if self._recorded is None or domain != MEASURED:
@@ -125,20 +110,14 @@ class Campaign:
         return tasks
 
     def plan(self) -> list[tuple[str, Case]]:
-        """Return all (domain, case) pairs that the campaign simulates, in the order of simulation.
-
-        Motions with short run times come first, and recordings along the same path of the radar are adjacent.
-        """
+        """Return all (domain, case) pairs to simulate: short motions first, and recordings along one path of the radar together."""
         domains = COMPARED if self._recorded is None else (TWIN,)
         order = {motion: number for number, motion in enumerate(("radial", "diagonal", "turntable", "depth", "lateral"))}
         pairs = [(domain, case) for domain in domains for case in self.cases(domain)]
         return sorted(pairs, key=lambda pair: (order[pair[1].motion] > 2, pair[1].room, order[pair[1].motion], domains.index(pair[0])))
 
     def _clean(self, domain: str, case: Case) -> tuple[dict[str, Any], Callable[[], Recording | Turned], list[str]]:
-        """Describe how a clean recording (before receiver effects) is simulated.
-
-        Returns (specification, function that simulates the recording, names of the modules whose code decides the result).
-        """
+        """Return specification, simulating function and names of the deciding modules of a recording before receiver effects."""
         self._check(domain)
         if domain == MEASURED:
             if self._recorded is not None:
@@ -151,10 +130,7 @@ class Campaign:
         return spec, lambda: twin.record(case, nominal, self.config, source, self.store, self.progress.say), ["experiments.campaign.twin"]
 
     def _source(self, domain: str, case: Case) -> tuple[str, Callable[[], Recording], dict[str, Any]]:
-        """Describe the recording before receiver effects from which a processed recording is computed.
-
-        Returns (store key of that recording, function that reads it, entries to add to the specification of the processed recording).
-        """
+        """Return store key and reading function of the recording to process, and the entries that this adds to the specification."""
         self._check(domain)
         if domain == MEASURED and self._recorded is not None:
             recorded = self._recorded
@@ -185,13 +161,9 @@ def joined(task_sets: Iterable[Mapping[str, RecordingTask]]) -> dict[str, Record
 def make_together(
     missing: Mapping[str, RecordingTask], jobs: int, progress: Progress, fresh: bool = False, calls: Sequence[Call] = ()
 ) -> None:
-    """Simulate the missing recordings of one or more campaigns in at most `jobs` workers; `fresh` starts new workers.
-
-    If there is only one worker, the calling process simulates the recordings. Recordings of one track are simulated one after the other,
-    because they share a set-up.
-
-    Args:
-        calls: further simulations, which the workers start before the recordings.
+    """Simulate the missing recordings of one or more campaigns in at most `jobs` workers; `fresh` starts new workers, and a single worker
+    is the calling process. `calls` are further simulations, which the workers start before the recordings. Recordings of one track are
+    simulated one after the other, because they share a set-up.
     """
     tasks = list(missing.values())
     if not (tasks or calls):
@@ -222,11 +194,7 @@ def _called(function: Callable[..., object], *arguments: Any) -> None:
 
 
 def _make(task: RecordingTask) -> None:
-    """Simulate the recording of a task. Worker processes call this function.
-
-    The workers share the traced paths of radars at rest through a folder. The paths of a drive are not put into this folder, because no
-    other recording reads them.
-    """
+    """Simulate the recording of a task in a worker. Workers share the traced paths of radars at rest; nobody reads those of a drive."""
     campaign = _campaign_of(task.config, task.root)
     with nullcontext() if task.case.motion in ROVER else array_cache.in_folder(task.root / "paths"):
         if task.clean:
@@ -251,10 +219,7 @@ def load_clean(product: Product) -> Recording:
 
 
 def _save(make: Callable[[], Recording | Turned], folder: Path) -> Mapping[str, int]:
-    """Simulate a recording, save its files in a folder, and return the recording's metadata.
-
-    Samples are stored as 16-bit counts. The power of the resulting quantisation noise is ten times below the receiver's noise.
-    """
+    """Simulate a recording, save it as 16-bit counts (quantisation noise ten times below the receiver's noise), and return its metadata."""
     with tally.counted() as counts:
         made = make()
     if isinstance(made, Turned):

@@ -69,9 +69,7 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """The nominal (logged) motion of a recording. The simulation follows the nominal motion exactly; the measured recording deviates
-    from it.
-    """
+    """The nominal (logged) motion of a recording, which the simulation follows exactly and the measurement does not."""
 
     frame_rate_hz: float
     sensor_poses: np.ndarray  # (F, 4, 4) or (1, 4, 4), radar to world
@@ -90,9 +88,7 @@ class Log:
 
 
 def planned(config: CampaignConfig, measured: bool) -> list[Case]:
-    """List all recordings of a virtual measurement campaign. Only the measured recordings have repetitions and draws. Raises ConfigError
-    for an unknown object.
-    """
+    """List all recordings of a virtual campaign; only the measured ones have repetitions and draws. Raises ConfigError for an object."""
     known, usual = every_object(), catalogue()
     for kind in ("turntable_objects", "rail_objects", "rover_objects"):
         for name in getattr(config, kind):
@@ -140,13 +136,12 @@ def log(case: Case, config: CampaignConfig, measured: bool) -> Log:
 
 
 def course(case: Case, rate_hz: float, frames: int, turn_s: float = TURN_S, driven: np.ndarray | None = None) -> Log:
-    """Return the log of a recording of `frames` frames. The radar or target stays at rest after the end of its nominal travel.
+    """Return the log of a recording of `frames` frames, with `turn_s` seconds per turntable revolution. All is at rest after the nominal
+    travel.
 
-    Args:
-        turn_s: time of one turntable revolution, in seconds.
-        driven: (F, 4, 4) recorded poses of the rover's radar in any world frame; None stands for a straight drive at the nominal speed. A
-            recorded lateral drive is moved to the nominal start. A recorded depth drive is moved along the line of sight until its smallest
-            distance is that of the case, so that the drive may start at either end.
+    `driven` are (F, 4, 4) recorded poses of the rover's radar in any world frame; None stands for a straight drive at the nominal speed. A
+    recorded lateral drive is moved to the nominal start. A recorded depth drive is moved along the line of sight until its smallest
+    distance is that of the case, so that the drive may start at either end.
     """
     known = every_object().get(case.object)
     aim = np.array([0.0, 0.0, known.aim_m if known else 0.0])
@@ -171,13 +166,7 @@ def course(case: Case, rate_hz: float, frames: int, turn_s: float = TURN_S, driv
 
 
 def _rover_start(motion: Motion, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (start pose, unit direction) of a rover's drive.
-
-    A "depth" drive moves along the line of sight towards the target and back to its start, so that its range over time is a triangle. The
-    paper describes depth sweeps toward and away from the object, with a triangular range-time signature. The paper gives start distances of
-    0.5 to 2 m and no length. A drive of half a metre that starts 0.5 m from the target would end in the target. The distance of a case is
-    therefore the smallest distance of its drive. The radar has this distance at the pose `middle`, and starts DEPTH_M behind this pose.
-    """
+    """Return (start pose, unit direction) of a drive. A "depth" drive goes towards the target to the pose `middle`, and back again."""
     if motion == "lateral":
         return trajectory.lateral_sweep(middle, LATERAL_M, LATERAL_MPS, RATE_HZ)[0], middle[:3, 1]
     return trajectory.at_distances(middle, middle[:3, 0], np.array([-DEPTH_M]))[0], middle[:3, 0]

@@ -12,8 +12,6 @@ the energy in the target gate and the radial velocity, (0,) without Doppler. Its
 azimuth in radians.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any
 

@@ -1,11 +1,8 @@
 """Export the recordings of the virtual measurements (testbed) as a recording set on disk: samples, index rows and logged poses.
 
-The export does not contain the true scene from which the virtual measurements were simulated. With the options `measured=recordings
-measured.folder=SET`, the study uses the exported recording set as its measurements. If an export was interrupted, a second call with the
-same folder exports the missing recordings.
+The set does not contain the true scene; measured=recordings measured.folder=SET uses it as the measurements of the study. A second call
+continues an interrupted export.
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,26 +10,23 @@ from pathlib import Path
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import TURN_S, Case
 from experiments.campaign.recorded import TURN
+from experiments.interface import Config, Progress, Store
 from radartwin.config.compose import compose
-from radartwin.config.config import Config
 from radartwin.config.study import RecordingsConfig
 from radartwin.constants import __version__
 from radartwin.errors import InputError
 from radartwin.io import files
 from radartwin.io.one_line import plural
-from radartwin.io.progress import Progress
 from radartwin.recordings.card import Card
 from radartwin.recordings.index import Row
 from radartwin.recordings.recording_set import RecordingSet
-from radartwin.store.products import Store
 
 
 def export(campaign: Campaign, folder: str | Path) -> RecordingSet:
     """Write every measured recording of the campaign that the recording set does not hold yet.
 
-    Raises:
-        InputError: the campaign's measured recordings already come from a recording set.
-        OutputError, RecordingError: the folder cannot be written, or holds a different recording set.
+    Raises InputError if the recordings already come from a recording set, and OutputError or RecordingError if the folder cannot be written
+    or holds a different recording set.
     """
     measured = campaign.config.measured
     if isinstance(measured, RecordingsConfig):

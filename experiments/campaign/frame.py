@@ -13,15 +13,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import astuple, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from experiments.campaign import columns
 from experiments.campaign.cases import COMPARED, DOMAINS, Case
-from experiments.campaign.source import RecordingSource
 from radartwin.errors import ConfigError, InputError
 from radartwin.features.envelope import HARMONICS
+from radartwin.features.log import Log
+from radartwin.features.processed import Processed
 from radartwin.io.progress import Progress
 from radartwin.scene.objects.assortment import every_object
 from radartwin.store.products import save_arrays
@@ -38,13 +39,21 @@ VERSIONS = ("twin", "truth", "side")
 Wanted = Sequence[tuple[str, Case]]  # domain, case
 
 
-def shared(source: RecordingSource, motions: Sequence[str], room: str | None = None, several: bool = False) -> Wanted:
-    """Return the recordings with these motions whose place is both measured and simulated. Raises ConfigError if there are none.
+class RecordingSource(Protocol):
+    """Interface of a campaign (experiments.campaign.campaign). Tests may use a substitute for the campaign with the same interface."""
 
-    Args:
-        room: room of the recordings; None stands for all rooms.
-        several: whether only the recordings that `balanced` keeps are returned.
+    def cases(self, domain: str, **conditions: Any) -> Sequence[Case]: ...
+    def prepare(self, wanted: Any) -> None: ...
+    def processed(self, domain: str, case: Case) -> tuple[str, Processed]: ...
+    def log(self, case: Case, domain: str = "measured") -> Log: ...
+
+
+def shared(source: RecordingSource, motions: Sequence[str], room: str | None = None, several: bool = False) -> Wanted:
+    """Return the recordings with these motions (of one room, or of all) whose place is both measured and simulated; with `several`, only
+    those that `balanced` keeps. Raises ConfigError if there are none.
     """
+    import pandas as pd
+
     conditions = {"room": room} if room else {}
     cases = [(domain, case) for domain in COMPARED for motion in motions for case in source.cases(domain, motion=motion, **conditions)]
     places = [{_place(case) for of, case in cases if of == domain} for domain in COMPARED]
@@ -62,13 +71,9 @@ def shared(source: RecordingSource, motions: Sequence[str], room: str | None = N
             pair[1].repetition,
         ),
     )  # fmt: skip
-    return [wanted[row] for row in balanced(_conditions(wanted)).index] if several else wanted
-
-
-def _conditions(wanted: Wanted) -> Frame:
-    import pandas as pd
-
-    return pd.DataFrame([{"domain": domain, **dict(zip(CONDITIONS, astuple(case), strict=True))} for domain, case in wanted])
+    if not several:
+        return wanted
+    return [wanted[row] for row in balanced(pd.DataFrame([{"domain": domain, **vars(case)} for domain, case in wanted])).index]
 
 
 def _place(case: Case) -> tuple[Any, ...]:
@@ -93,7 +98,7 @@ def read(source: RecordingSource, wanted: Wanted, progress: Progress) -> Frame:
     rows, known = [], every_object()
     for domain, case in progress.over(list(wanted), "recordings read"):
         key, processed = source.processed(domain, case)
-        conditions = dict(zip(CONDITIONS, astuple(case), strict=True)) | {"domain": domain, **dict.fromkeys(VERSIONS, ""), "key": key}
+        conditions = {**vars(case), "domain": domain, **dict.fromkeys(VERSIONS, ""), "key": key}
         kind = {name: getattr(known[case.object], name) for name in KINDS}
         rows.append({**conditions, **kind, **columns.read(case, processed, source.log(case, domain))})
     return pd.DataFrame(rows)
@@ -122,9 +127,7 @@ def by_revolution(frame: Frame) -> Frame:
 
 
 def balanced(frame: Frame) -> Frame:
-    """Return the rows at those distances that have two objects or more, with an equal number of measured repetitions for all objects of a
-    distance. Raises InputError if no row is left.
-    """
+    """Return the rows at distances with two objects or more, with as many repetitions for each. Raises InputError if no row is left."""
     where = ["room", "motion", "distance_m"]
     compared = frame[frame.groupby(where).object.transform("nunique") > 1]
     if compared.empty:

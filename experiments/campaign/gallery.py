@@ -1,19 +1,15 @@
 """Draw the gallery: measured and simulated recordings side by side as maps of range over time, Doppler and azimuth.
 
-The measured and the simulated map of the same kind (such as Doppler) have the same colour scale. The option
-experiment.pairs=[OBJECT/ROOM/MOTION/DISTANCE_M, ...] chooses the recordings, such as mug/squash_court/lateral/1. If the option is empty,
-the gallery shows the profile's list PAIRS, or the first recordings of a recording set. Dashed lines and rings in the maps mark the
-target's logged position. For a turntable, the Doppler spectrum is computed over the frames of a revolution, so the frame rate limits its
-unambiguous Doppler frequency. The azimuth map of a turntable is a mean over the revolution. For motions without a turntable, the Doppler
-map and the azimuth map show the middle frame of the recording.
+The option experiment.pairs=[OBJECT/ROOM/MOTION/DISTANCE_M, ...] chooses the recordings, such as mug/squash_court/lateral/1; without it they
+are the profile's list PAIRS, or the first recordings of a recording set. Dashed lines and rings mark the target's logged position. The maps
+of a turntable are those of a whole revolution (its frame rate limits the Doppler frequency), the Doppler and azimuth maps of other motions
+those of the middle frame.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,23 +17,17 @@ from numpy.typing import NDArray
 from experiments import statistics
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import LABELS, RAIL, ROVER, Case, Log, Motion
-from experiments.drawing import range_map
+from experiments.drawing import PAGE_WIDTH_IN, Figure, figure, range_map
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.verdicts import RowList
-from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features import envelope, peak_track
 from radartwin.features.processed import Processed
 from radartwin.features.profile import gate_energies, multipath_share, profile_correlation
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, figure, pixel_edges
+from radartwin.plotting.style import pixel_edges
 from radartwin.radar.processing import doppler_fft, range_fft, steering
 from radartwin.radar.recording import Recording
-from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.catalogue import catalogue
-from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 READS = ("pairs",)  # options experiment.NAME of this experiment
 TABLE = Table(
@@ -128,12 +118,7 @@ def parse(pair: str) -> Case:
 
 
 def view(processed: Processed, log: Log, recording: Callable[[], Recording]) -> View:
-    """Compute the three power maps (over time, Doppler and azimuth) of one recording.
-
-    `recording` is a function that loads the recording's samples. For a turntable recording, the Doppler map is computed over all frames
-    from `processed`, and `recording` is not called. For other recordings, the Doppler map is computed from the samples of the middle
-    frame.
-    """
+    """Compute the power maps of a recording; `recording` loads the samples of the middle frame, for the Doppler map without a turntable."""
     turning = log.angle_rad is not None
     count = processed.num_frames if log.angle_rad is None else envelope.frames_per_revolution(log.angle_rad)
     time_s, middle = np.arange(count) / log.frame_rate_hz, count // 2
@@ -152,20 +137,11 @@ def view(processed: Processed, log: Log, recording: Callable[[], Recording]) -> 
         kept = np.abs(velocity) <= FASTEST_MPS
         doppler = np.mean(np.abs(spectra[kept][..., : len(processed.range_m)]) ** 2, axis=(1, 2))
         doppler_axis, point = velocity[kept], (speed[middle : middle + 1], nominal[middle : middle + 1])
-    return View(
-        range_m=processed.range_m,
-        across={"time": time_s, "Doppler": doppler_axis, "azimuth": np.degrees(AZIMUTH_RAD[::-1])},
-        maps={
-            "time": processed.power[:count].astype(np.float64),
-            "Doppler": doppler.astype(np.float64),
-            "azimuth": np.mean(np.abs(beams[::-1]) ** 2, axis=1),
-        },
-        truth={
-            "time": (time_s, nominal),
-            "Doppler": point,
-            "azimuth": (np.degrees(azimuth[middle : middle + 1]), nominal[middle : middle + 1]),
-        },
-    )
+    here = np.degrees(azimuth[middle : middle + 1]), nominal[middle : middle + 1]
+    across = {"time": time_s, "Doppler": doppler_axis, "azimuth": np.degrees(AZIMUTH_RAD[::-1])}
+    maps = {"time": processed.power[:count], "Doppler": doppler, "azimuth": np.mean(np.abs(beams[::-1]) ** 2, axis=1)}
+    maps = {name: power.astype(np.float64) for name, power in maps.items()}
+    return View(processed.range_m, across, maps, {"time": (time_s, nominal), "Doppler": point, "azimuth": here})
 
 
 def course(log: Log, frames: int) -> tuple[Real, Real, Real]:
@@ -196,9 +172,7 @@ def _add_rows(rows: RowList, case: Case, recordings: dict[str, tuple[str, Proces
 
 
 def draw(views: dict[str, View], title: str, domain: str) -> Figure:
-    """Draw the measured power maps in the upper row and the simulated maps in the lower row. The two maps of a column have the same
-    decibel scale.
-    """
+    """Draw the measured maps above the simulated maps; the two maps of a column have the same decibel scale."""
     turning = bool(np.isnan(views["measured"].truth["Doppler"][0][0]))
     labels = {
         "time": "time (s)",
@@ -232,10 +206,7 @@ def _title(case: Case) -> str:
 
 
 def _mark(axes: Any, across: Real, range_m: Real) -> None:
-    """Mark the target's logged position in a power map.
-
-    The mark is a line over time, a ring if the target's position on the horizontal axis is known, and otherwise a line at its range.
-    """
+    """Mark the target's logged position: a line over time, a ring at a known position, or a line at its range."""
     dashed = {"color": "white", "lw": 0.6, "ls": (0, (3, 9))}
     if len(across) > 1:
         axes.plot(across, range_m, **dashed)

@@ -1,33 +1,24 @@
 """Simulate one part of the campaign's recordings, so that the jobs of a sweep on several machines share the campaign.
 
-The recordings in the order of `Campaign.plan` are cut into n parts of about equal size, and part k of n is one job. In this order,
-recordings along the same path of the radar are adjacent. Parts have no recording in common. While a job computes a result, the store locks
-this result, so that two jobs never compute the same scan. If a job is killed, the store keeps its finished recordings, and the next call of
-the job simulates the others.
+The recordings in the order of `Campaign.plan`, in which those along one path of the radar are adjacent, are cut into n parts of about equal
+size. The store locks a result while a job computes it, so that no two jobs compute the same scan, and the next call of a killed job
+continues it.
 """
-
-from __future__ import annotations
 
 import numpy as np
 
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import Case
+from experiments.interface import Config, Progress, Result, Store
 from experiments.statistics import exact
 from experiments.verdicts import RowList
-from radartwin.config.config import Config
-from radartwin.io.progress import Progress
-from radartwin.runs.experiment import Result
-from radartwin.store.products import Store
 
 NAME = "campaign_part"
 READS = ("part", "parts")  # options experiment.NAME of this experiment
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Simulate the recordings of one part that the store lacks, in config.jobs workers.
-
-    Raises UserError if a recording cannot be simulated.
-    """
+    """Simulate the recordings of one part that the store lacks. Raises UserError if a recording cannot be simulated."""
     campaign, options = Campaign(config, store, progress), config.experiment
     wanted = part(campaign.plan(), options.part, options.parts)
     campaign.prepare(wanted)

@@ -2,8 +2,6 @@
 recorded motion of this row becomes a log.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from dataclasses import replace
@@ -36,9 +34,8 @@ _FREE = ("name", "frame_rate_hz", "element", "noise_figure_db", "transmit_power_
 class Recorded:
     """Read the recordings of a recording set on disk.
 
-    The attribute `cases` lists the recordings that can also be simulated; a message gives the number of recordings that cannot be
-    simulated. The attribute `conditions` lists the cases in `cases` without repetitions. Raises UserError if the recording set cannot be
-    used, if none of its recordings can be simulated, or if it was made with a radar that differs from the simulated radar.
+    `cases` are the recordings that can also be simulated, and `conditions` these without repetitions; a message counts the others. Raises
+    UserError if the set cannot be used, has no such recording, or was made with another radar.
     """
 
     def __init__(self, config: Config, progress: Progress):
@@ -73,10 +70,7 @@ class Recorded:
         return self._set.read(self._row(case))
 
     def log(self, case: Case) -> Log:
-        """Return the log of a recording, with the recorded frame rate and number of frames.
-
-        The turntable's period and the rover's trajectory come from the recording set if the set contains them, else they are nominal.
-        """
+        """Return the log of a recording. Turntable period and rover trajectory are nominal unless the recording set contains them."""
         row = self._row(case)
         radar, frames, driven = self._course(case)
         return course(case, radar.frame_rate_hz, frames, _turn_s(row), driven)
@@ -108,9 +102,7 @@ class Recorded:
 
 
 def _turn_s(row: Row) -> float:
-    """Return the time of one turntable revolution in seconds. Raises InputError if the period in the index row is not finite and
-    positive.
-    """
+    """Return the time of one turntable revolution in seconds. Raises InputError if the period is not finite and positive."""
     text = row.extra.get(TURN) or str(TURN_S)
     try:
         seconds = float(text)

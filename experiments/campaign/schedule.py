@@ -5,8 +5,6 @@ finishes its track before it helps with another track. The order does not change
 of workers, even if workers were killed.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -1,14 +1,10 @@
 """The table `campaign`: run time and disk space of every measured and simulated recording. Missing recordings are simulated.
 
-The run time of a recording is the time that one worker took to simulate the recording. With parallel workers, the whole campaign takes less
-time than the sum of these run times. The profile `paper` measures the paper's campaign; all other profiles extrapolate its run time and
-disk space. The extrapolated disk space of the campaign follows from array shapes. The extrapolated run time of the campaign is a sum over
-domains and motions. Each term of this sum has three parts: the times of set-ups (a track, or a room whose parts drift), of traced states
-(an angle of a turntable, or a frame of a drive), and of processed frames. The time per traced state is measured on the recordings that
-reused a cached set-up. The run time of another recording minus the time of its traced states is its set-up time.
+The run time of a recording is the time that one worker took. The profile `paper` measures the paper's campaign; all other profiles
+extrapolate it: the disk space from array shapes, and the run time as a sum over domains and motions of the times of set-ups (a track, or a
+room whose parts drift), of traced states (an angle of a turntable, or a frame of a drive), and of processed frames. The time per traced
+state comes from the recordings that reused a set-up; what another recording takes longer is its set-up time.
 """
-
-from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -23,21 +19,18 @@ from experiments.campaign.cases import COMPARED, LABELS, MEASURED, TWIN, VOID, C
 from experiments.campaign.cases import log as nominal_log
 from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.scans import virtual_scan
 from experiments.statistics import exact, ratio
 from experiments.verdicts import BELOW, NONE, Claim, RowList
 from radartwin.builders.radar import build_radar
 from radartwin.config.compose import compose
-from radartwin.config.config import Config
 from radartwin.config.study import CampaignConfig
 from radartwin.features.processed import MAX_RANGE_M
 from radartwin.io.one_line import plural
-from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
 from radartwin.radar.processing import azimuth_row
 from radartwin.runs import workers
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Product, Store
 from radartwin.testbed.testbed import Gaps
 
 TABLE = Table(
@@ -70,9 +63,7 @@ def recordings(config: Config, store: Store, progress: Progress) -> dict[str, Re
 
 
 def make(campaign: Campaign, progress: Progress) -> Frame:
-    """Simulate the missing recordings of the campaign, and return the columns of `_made` of all recordings in the order of
-    `Campaign.plan`.
-    """
+    """Simulate the missing recordings, and return the columns of `_made` of all recordings in the order of `Campaign.plan`."""
     import pandas as pd
 
     wanted = campaign.plan()
@@ -92,16 +83,16 @@ def make(campaign: Campaign, progress: Progress) -> Frame:
 
 
 def _made(campaign: Campaign, domain: str, case: Case) -> dict[str, Any]:
-    """Return run time and disk space of one recording, clean and processed: wall times in seconds, core time of both in seconds, and their
-    size in the store. `set_ups` counts the tracks and rooms that were set up for this recording; 0 if it reused cached set-ups.
-    """
+    """Return run times and disk space of one recording. `set_ups` counts the tracks and rooms that were set up for this recording."""
     clean, processed = products = campaign.clean(domain, case), campaign.process(domain, case)
     first, second = (product.read_json("meta") for product in products)
     counts, (began_s, ended_s) = first["told"], _span_s(first)
+    paths = [path for product in products for path in product.path.rglob("*")]
     return {
         "domain": domain, "motion": case.motion, "room": case.room, "draw": case.draw, "key": clean.key, "processed_key": processed.key,
         "clean_s": float(first["seconds"]), "processing_s": float(second["seconds"]),
-        "core_s": float(first["core_seconds"]) + float(second["core_seconds"]), "bytes": sum(map(_size, products)),
+        "core_s": float(first["core_seconds"]) + float(second["core_seconds"]),
+        "bytes": sum(path.stat().st_size for path in paths if path.is_file()),
         "began_s": began_s, "ended_s": ended_s,
         "frames": counts["frames"], "traced": counts["traced"], "set_ups": counts.get(tally.SETUPS, 0),
     }  # fmt: skip
@@ -127,10 +118,6 @@ def _span_s(meta: dict[str, Any]) -> tuple[float, float]:
     """Return start and end time of the computation of a stored result, in seconds."""
     ended = datetime.fromisoformat(meta["finished"]).timestamp()
     return ended - float(meta["seconds"]), ended
-
-
-def _size(product: Product) -> int:
-    return sum(path.stat().st_size for path in product.path.rglob("*") if path.is_file())
 
 
 def rows(config: Config, made: Frame) -> RowList:
@@ -162,11 +149,7 @@ def _add_group(rows: RowList, domain: str, motion: str, made: Frame) -> None:
 
 
 def _add_paper(rows: RowList, made: Frame) -> None:
-    """Add rows with run time and disk space of the paper's campaign, for one draw and for all draws of the paper profile.
-
-    With profile=paper the run time and disk space are measured. With any other profile they are extrapolated, provided that every motion
-    has recordings.
-    """
+    """Add run time and disk space of the paper's campaign: measured with profile=paper, otherwise extrapolated if every motion is timed."""
     config, paper = rows.config, compose(["profile=paper"]).profile.campaign
     cases = [(domain, case) for domain in COMPARED for case in planned(paper, domain == MEASURED)]
     count = workers.worker_count(config.jobs, len(cases))
@@ -185,10 +168,7 @@ def _add_paper(rows: RowList, made: Frame) -> None:
 
 
 def _expected(config: Config, paper: CampaignConfig, wanted: Sequence[tuple[str, Case]], made: Frame) -> tuple[float, float]:
-    """Extrapolate run time and disk space of the recordings `wanted` of the campaign `paper` from the timed recordings `made`.
-
-    Returns (seconds in one process, bytes). Both values are NaN if a motion has no timed recording.
-    """
+    """Extrapolate (seconds in one process, bytes) of the recordings `wanted` from those of `made`; NaN if a motion has none."""
     recorded = dict(list(made.groupby(["domain", "motion"])))
     groups: dict[tuple[str, str], list[Case]] = defaultdict(list)
     for domain, case in wanted:
@@ -206,9 +186,7 @@ def _expected(config: Config, paper: CampaignConfig, wanted: Sequence[tuple[str,
 
 
 def extrapolated(timed: Frame, counts: Sequence[tuple[int, int]], rooms: int) -> float:
-    """Extrapolate the run time in seconds of recordings with these (frames, traced states) from the timed recordings `timed` of the
-    same kind.
-    """
+    """Extrapolate the run time in seconds of recordings with these (frames, traced states) from `timed` ones of the same kind."""
     frames, traced = np.sum(counts, axis=0)
     without, setting_up = timed[timed.set_ups == 0], timed[timed.set_ups > 0]
     plain = without if len(without) else timed
@@ -218,10 +196,7 @@ def extrapolated(timed: Frame, counts: Sequence[tuple[int, int]], rooms: int) ->
 
 
 def states(domain: str, case: Case, frames: int, gaps: Gaps) -> tuple[int, int]:
-    """Return the number of radar frames of a recording (equal to `frames`), and the number of states of its scene that are ray-traced. For
-    a virtual measurement on the turntable, a traced state is one rotation angle of the target. For all other recordings, every frame is
-    traced.
-    """
+    """Return the number of frames of a recording, and that of its traced states: frames, or angles of a measured turntable's target."""
     return frames, min(frames, truth.aspects(case.object, gaps)) if domain == MEASURED and case.motion == "turntable" else frames
 
 

@@ -1,7 +1,5 @@
 """Count by name how many set-ups were built that several recordings share, such as the traced room along a track."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager

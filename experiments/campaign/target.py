@@ -1,7 +1,5 @@
 """Compute the propagation paths that involve the target or its stand. Measured and simulated recordings use this code for any motion."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -132,9 +132,7 @@ def _front_end(radar: Radar, case: Case, gaps: testbed.Gaps) -> Radar:
 
 @functools.cache
 def aspects(target: str, gaps: testbed.Gaps) -> int:
-    """Return the number of target angles (aspects) to trace per revolution. A recording with more frames is
-    interpolated between the traced target angles.
-    """
+    """Return the number of target angles (aspects) to trace per revolution; a recording with more frames is interpolated between them."""
     entry = every_object()[target]
     surfaces = entry.surfaces()
     tilt = np.radians(errors.TurntableErrors().wobble_deg) * gaps.trajectory
@@ -191,9 +189,7 @@ def _small(room: str) -> frozenset[str]:
 
 
 def _below(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> tuple[list[Surface], list[Surface]]:
-    """Return (disc, other parts) of the target's true stand. Drives have the disc too. For a turntable, the other parts include a motor, a
-    gear and a cable.
-    """
+    """Return (disc, other parts) of the target's true stand, whose other parts on a turntable include a motor, a gear and a cable."""
     sensor = nominal.sensor_poses[0].tobytes() if case.motion == "turntable" else b""
     true = _true_stand(sensor, stand_top(nominal).tobytes(), _of_room(gaps), seed)
     return [s for s in true if s.name == "turntable"], [s for s in true if s.name != "turntable"]
@@ -201,10 +197,7 @@ def _below(case: Case, nominal: Log, gaps: testbed.Gaps, seed: int) -> tuple[lis
 
 @functools.lru_cache(maxsize=4)
 def _true_stand(sensor: bytes, top: bytes, gaps: testbed.Gaps, seed: int) -> Scene:
-    """Return the true stand whose top has the position with the bytes `top` (3,).
-
-    If `sensor` holds the bytes of the radar's pose, the stand has the parts of a turntable.
-    """
+    """Return the true stand whose top has the position with the bytes `top` (3,), with the parts of a turntable if `sensor` is given."""
     at = np.frombuffer(top)
     parts = rooms.support(at)
     if sensor:
@@ -271,9 +264,7 @@ class _Turning:
         return angle + more[:, None, None]
 
     def _poses(self, angles: np.ndarray) -> np.ndarray:
-        """Return the target's poses (A, 4, 4) at angles (A,) of the turntable. The wobble and the placement error are the same at every
-        angle.
-        """
+        """Return the target's poses (A, 4, 4) at angles (A,) of the turntable, with the same wobble and placement error at every angle."""
         gaps, (_, table, placing) = self.place.gaps, self._generators()
         first = self.place.log.target_poses[:1]
         poses = np.repeat(first, len(angles), axis=0)
@@ -291,9 +282,7 @@ class _Turning:
 
 
 def _creep(case: Case, place: _Place, seed: int, root: int) -> drift.Drift | None:
-    """Return the slow mechanical drift of surroundings and stand while the turntable turns. All recordings in the same room have the same
-    drift of the room.
-    """
+    """Return the slow drift of surroundings and stand while the turntable turns. All recordings in a room share the drift of the room."""
     creeps, nominal = drift.DriftErrors().scaled(place.gaps.clutter), place.log
     if not creeps.creep_m:
         return None
@@ -368,9 +357,7 @@ _tracks: Recent[Track] = Recent(CACHED_TRACKS)
 
 
 def _drives(case: Case, place: _Place, root: int) -> Track:
-    """Return the traced track (path of the radar in a room) of a case. The last used tracks are cached, because recordings of several
-    objects share a track.
-    """
+    """Return the traced track (path of the radar in a room) of a case. The last ones are cached, because several objects share a track."""
     motion = case.motion if case.motion in ROVER else "bench"
     key = f"{case.room} {motion} {root} {_of_room(place.gaps)} {place.settings} {place.radar} {place.log.sensor_poses.tobytes().hex()}"
 

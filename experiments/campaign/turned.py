@@ -1,8 +1,6 @@
-"""Store a turntable recording as its radar signals at traced target angles (aspects), plus the turntable's angle and the surroundings'
-drift.
+"""Store a turntable recording as its radar signals at traced target angles (aspects), the turntable's angle and the surroundings' drift.
 
-The samples of a turntable recording of 300 s take 800 MB. All these samples can be interpolated from the signals at about a thousand
-target angles, which take 16 KB each.
+The 800 MB of samples of a recording of 300 s can be interpolated from the signals at about a thousand angles, which take 16 KB each.
 """
 
 from __future__ import annotations

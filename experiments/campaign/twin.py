@@ -4,8 +4,6 @@ The room is a simulated phone scan whose surfaces have materials from the config
 simulation exactly as in the log of the recording.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from dataclasses import asdict, replace
@@ -63,9 +61,7 @@ def specification(case: Case, nominal: Log, config: Config, materials: Materials
 
 
 def room_of(case: Case, config: Config, materials: MaterialsConfig, store: Store) -> Scene:
-    """Return the scene of a scanned room with materials. Raises UserError if the store has no answers of the vision-language model
-    for the room.
-    """
+    """Return the scene of a scanned room with materials. Raises UserError if the store has no recorded answers for the room."""
     if materials.source == VOID:
         return rooms.void()
     scanned = virtual_scan.scene_of(virtual_scan.fetch(config, store, case.room, config.measured.gap.geometry))
@@ -80,9 +76,7 @@ def room_of(case: Case, config: Config, materials: MaterialsConfig, store: Store
 def record(
     case: Case, nominal: Log, config: Config, materials: MaterialsConfig, store: Store, say: Callable[[str], None] = lambda line: None
 ) -> Recording:
-    """Simulate the recording of a case along its logged motion, without noise. The function `say` prints which settings
-    simulator=auto chose.
-    """
+    """Simulate the recording of a case along its logged motion, without noise. `say` prints which settings simulator=auto chose."""
     radar = replace(build_radar(config.radar), frame_rate_hz=nominal.frame_rate_hz)
     room = room_of(case, config, materials, store)
     stand = _stand(stand_top(nominal).tobytes())
@@ -119,17 +113,12 @@ def noisy(clean: Recording, case: Case, config: Config) -> Recording:
 
 @functools.lru_cache(maxsize=4)
 def _stand(top: bytes) -> Scene:
-    """Return the target's stand whose top has the position with the bytes `top` (3,).
-
-    The materials of stand and target do not come from the material source, because the user who places the target on the stand knows them.
-    """
+    """Return the target's stand whose top has the position with the bytes `top` (3,). Its materials are known to the user."""
     return rooms.support(np.frombuffer(top))
 
 
 def _families(config: Config, case: Case) -> tuple[str, ...]:
-    """Return the feature families that simulator=auto must preserve: the configured families if all of them exist for the motion, else all
-    families of the motion.
-    """
+    """Return the feature families that simulator=auto must preserve: the configured ones if the motion has all of them, else all."""
     fit = set(feature_set(config.features.name)) <= set(MOTION_FAMILIES[case.motion])
     return families_of(config.features if fit else FeaturesConfig(), case.motion)
 
@@ -138,10 +127,7 @@ _tracks: Recent[Track] = Recent(CACHED_TRACKS)
 
 
 def _track(case: Case, room: Scene, settings: Any, radar: Any, nominal: Log, known: str) -> Track:
-    """Return the traced track (path of the radar in a room) of a case. The tracks that were used last are cached.
-
-    The text `known` lists all settings that change the room's model, and is part of the cache key.
-    """
+    """Return the traced track of a case; the last ones are cached. The text `known` lists all settings that change the room's model."""
     motion = case.motion if case.motion in ROVER else "bench"
     key = f"{case.room} {motion} {known} {settings} {radar} {nominal.sensor_poses.tobytes().hex()}"
 

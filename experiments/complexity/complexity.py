@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ import numpy as np
 from experiments.campaign.cases import Case, Log, log, stand_top
 from experiments.complexity import timing
 from experiments.complexity.rows import AUTO, EVERYTHING, FIXED, MULTIPATH, REFLECTOR, SHAPE, SHIPPED, CaseResult, chart, table
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.speed.machine import machine
 from radartwin.adaptive import limits as limits_module
 from radartwin.adaptive.choice import Choice, choose
@@ -29,19 +30,15 @@ from radartwin.adaptive.scene_settings import DEFAULT, FINEST, Model
 from radartwin.builders.radar import build_radar
 from radartwin.builders.recording import build_setup
 from radartwin.builders.simulator import MOTION_FAMILIES, families_of
-from radartwin.config.config import Config
 from radartwin.config.study import CampaignConfig
 from radartwin.features.processed import Processed
 from radartwin.features.sets import SETS
-from radartwin.io.progress import Progress
 from radartwin.runs import workers
-from radartwin.runs.experiment import Result, Table
 from radartwin.scene import rooms
 from radartwin.scene.objects.catalogue import catalogue
 from radartwin.scene.scene import Scene
 from radartwin.store import array_cache
 from radartwin.store.digest import path_digest
-from radartwin.store.products import Store
 
 TABLE = Table(
     name="complexity",
@@ -82,9 +79,7 @@ CASES = {
 
 @dataclass(frozen=True, eq=False)
 class Kept:
-    """A probe whose recordings are stored. A probe is a group of frames on which simulation models are compared; `cost` holds the
-    core-seconds of each recording.
-    """
+    """A probe (frames on which models are compared) whose recordings are stored; `cost` holds the core-seconds of each."""
 
     probe: Probe
     store: Store
@@ -123,10 +118,8 @@ class Requirement:
     probe_of: ProbeOf
 
     def error(self, model: Model, between: bool = False) -> tuple[float, str]:
-        """Return (error, name) of the feature with the largest difference from the finest model.
-
-        The error of a feature is its difference from the finest model divided by its repeatability limit (the difference that occurs
-        between repeated measurements).
+        """Return (error, name) of the feature with the largest error: its difference from the finest model over its repeatability limit
+        (the difference that occurs between repeated measurements).
         """
         kept = self.between if between else self.kept
         names, values = kept.features(model)
@@ -139,10 +132,7 @@ def identity() -> dict[str, Any]:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Choose a simulation model for each case alone and for all cases together, then measure the run times of the chosen models.
-
-    Raises ConfigError if the configured scan has no object under test, or if its motion has no repeatability limits.
-    """
+    """Choose a model for each case and for all, then measure run times. Raises ConfigError for a scan without target or limits."""
     cases = cases_of(config)
     if workers.worker_count(config.jobs, len(cases)) > 1:
         with progress.task("cases recorded", len(cases)) as done:
@@ -166,9 +156,14 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     if sufficient and np.median([timing.ratio(of[DEFAULT], of[fixed.model]) for of in seconds.values()]) < 1:
         fixed = Choice(DEFAULT, *max(requirement.error(DEFAULT) for requirement in requirements), ())
     pairs = list(zip(requirements, alone, strict=True))
-    results = [
-        _case_result(requirement, choice, fixed.model, seconds[requirement.name]) for requirement, choice in progress.over(pairs, "errors")
-    ]
+    results = []
+    for requirement, choice in progress.over(pairs, "errors"):
+        models = {AUTO: choice.model, FIXED: fixed.model, SHIPPED: DEFAULT}
+        errors, between = ({who: requirement.error(model, held) for who, model in models.items()} for held in (False, True))
+        layers = requirement.error(replace(DEFAULT, layered=False))
+        choosing_s = sum(requirement.kept.cost.get(model, 0.0) for model in {FINEST, *examined(choice)})
+        by_model = {who: seconds[requirement.name][model] for who, model in models.items()}
+        results.append(CaseResult(requirement.name, requirement.words, choice, models, errors, between, layers, by_model, choosing_s))
     rows = table(config, results, fixed)
     claimed = [r for r in rows if r["claim"] and r["value"] is not None]
     # a metric name may contain only the characters in this pattern
@@ -213,11 +208,7 @@ def _requirements(name: str, probe_of: ProbeOf, motion: str, thing: str, store: 
 
 
 def staged_case(case: Case, config: Config) -> ProbeOf:
-    """Set up a case of the campaign in the procedural room without scan errors.
-
-    Returns a function that builds a probe of this case, a group of frames on which models are compared. The arguments of the function
-    choose the frames (`ProbeOf`).
-    """
+    """Return the function that builds the probe (frames on which models are compared) of a case, in the room without scan errors."""
     frames = timing.FRAMES[case.motion != "turntable"]
     nominal: Log = log(case, CampaignConfig(frames_per_turn=frames, rover_every=1), measured=False)
     motion = {case.object: np.repeat(nominal.target_poses, nominal.frames // len(nominal.target_poses), axis=0)}
@@ -229,15 +220,6 @@ def staged_case(case: Case, config: Config) -> ProbeOf:
         return thinned(room, kept, radar, nominal.sensor_poses, motion, nominal, (), config.simulator.variant, count, between)
 
     return probe_of
-
-
-def _case_result(requirement: Requirement, choice: Choice, fixed: Model, seconds: Mapping[Model, list[float]]) -> CaseResult:
-    models = {AUTO: choice.model, FIXED: fixed, SHIPPED: DEFAULT}
-    errors, between = ({who: requirement.error(model, held) for who, model in models.items()} for held in (False, True))
-    layers = requirement.error(replace(DEFAULT, layered=False))
-    choosing_s = sum(requirement.kept.cost.get(model, 0.0) for model in {FINEST, *examined(choice)})
-    by_model = {who: seconds[model] for who, model in models.items()}
-    return CaseResult(requirement.name, requirement.words, choice, models, errors, between, layers, by_model, choosing_s)
 
 
 def examined(choice: Choice) -> Iterable[Model]:

@@ -1,27 +1,22 @@
 """Rows and figure of the table `complexity`: the model chosen for each case, the run time that it saves, and claims about all cases."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from experiments.campaign.cases import Case
 from experiments.complexity import timing
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure
 from experiments.statistics import Estimate, bootstrap, exact
-from experiments.verdicts import BELOW, NONE, Claim, row
+from experiments.verdicts import BELOW, NONE, Claim, Row
 from radartwin.adaptive.choice import Choice
 from radartwin.adaptive.scene_settings import LADDER, Model
 from radartwin.config.config import Config
 from radartwin.features.sets import SETS
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 CHEAPER = 3.0  # claimed median of the ratio (run time of the fixed default) / (run time of auto)
 SHAPE, MULTIPATH, EVERYTHING = "shape", "multipath share", "everything"
@@ -110,9 +105,7 @@ def columns_of(result: CaseResult) -> dict[str, Any]:
 
 
 def _why(choice: Choice) -> str:
-    """Return as text the simplifications of the model that the choice rejected. The rejected simplifications show which parts of the
-    simulation model the features need.
-    """
+    """Return as text the rejected simplifications, which show the parts of the simulation model that the features need."""
     refused = {(step.dimension, step.value): step.told for step in choice.steps if not step.taken}
     taken = {(step.dimension, step.value) for step in choice.steps if step.taken}
     return "; ".join(told for what, told in refused.items() if what not in taken)
@@ -123,19 +116,16 @@ def _median(values: Sequence[float], config: Config) -> Estimate:
     return bootstrap(partial(np.median, axis=-1), config.profile.resamples, config.seed, np.array(values))
 
 
-def _row(config: Config, case: Mapping[str, Any], metric: str, estimate: Estimate, claim: Claim = NONE) -> dict[str, Any]:
-    return row(config, case, metric, estimate, [], claim) | {"domain": "this tracer, finest"}
+def _row(config: Config, case: Mapping[str, Any], metric: str, estimate: Estimate, claim: Claim = NONE) -> Row:
+    return Row(case, metric, estimate, frozenset(), claim, config, domain="this tracer, finest")
 
 
 def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw a map with one row per case and feature set and one column per model setting. A dark cell of the map is a setting with a long
-    run time.
-
-    The bars beside the map show the run times of the model chosen by simulator=auto and of the shipped default model, both divided by the
-    run time of the fixed default model.
-    """
+    """Draw a map of the settings of each case (dark: expensive), and the run times of auto and shipped over the fixed default."""
     cases = [row for row in rows if row["metric"] == SAVED]
-    level = np.array([[_level(case, name) for name in HEADS] for case in cases])
+    # position of a setting on its scale, from cheapest to most expensive; paths over no room count as cheapest
+    level = np.array([[LADDER[name].index(case[name]) / (len(LADDER[name]) - 1) for name in HEADS] for case in cases])
+    level[[case["parts"] == "none" for case in cases], list(HEADS).index("coupling")] = 0.0
     drawing, (table, bars) = figure(
         1, 2, width_in=PAGE_WIDTH_IN, height_in=1.2 + 0.24 * len(cases), sharey=True, gridspec_kw={"width_ratios": (2, 1)}
     )
@@ -149,7 +139,8 @@ def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:
             table.text(x, y, words, ha="center", va="center")
     table.set_xticks(range(len(HEADS)), HEADS.values())
     table.xaxis.tick_top()
-    table.set_yticks(range(len(cases)), [f"{_words(case['case'])}: {case['features']}" for case in cases])
+    names = [re.sub(r"(?<=\d)m$", " m", case["case"].replace("-", ", ").replace("_", " ")) for case in cases]
+    table.set_yticks(range(len(cases)), [f"{name}: {case['features']}" for name, case in zip(names, cases, strict=True)])
     table.tick_params(length=0)
     auto, shipped = ([case[f"{who} (s/frame)"] / case["fixed (s/frame)"] for case in cases] for who in ("auto", "shipped"))
     bars.barh(range(len(cases)), auto, color=PALETTE[0], height=0.6, label="auto")
@@ -163,19 +154,3 @@ def chart(rows: Sequence[Mapping[str, Any]]) -> Figure:
     bars.minorticks_off()
     bars.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
     return drawing
-
-
-def _words(case: str) -> str:
-    """Return the name of a case in words ("lab, turntable, mug, 2 m")."""
-    return re.sub(r"(?<=\d)m$", " m", case.replace("-", ", ").replace("_", " "))
-
-
-def _level(row: Mapping[str, Any], name: str) -> float:
-    """Return the position of a model setting on its scale: 0 for its cheapest value, 1 for its most expensive value.
-
-    In a model without a room, the setting of the paths between object and room counts as 0.
-    """
-    if name == "coupling" and row["parts"] == "none":
-        return 0.0
-    values = LADDER[name]
-    return values.index(row[name]) / (len(values) - 1)

@@ -1,18 +1,15 @@
 """Measure how each simulator setting changes run time, simulated features, and the results of the fidelity tables.
 
-The feature errors are relative to the features under the finest simulator setting. The measured recordings are the same for all settings.
-The simulation of a drive computes some quantities only at steps along its track. These steps are equally coarse in all settings, so the
-table underestimates the feature errors of drives. For comparison, the features of recordings of different objects, distances and rooms
-differ by 1.4 standard deviations. docs/sweeps.md shows how to run the same comparison as a parameter sweep.
+The feature errors are relative to the finest setting; the measured recordings are the same for all settings. The steps along the track of a
+drive are equally coarse in all settings, so the table underestimates the errors of drives. For comparison, the features of different
+objects, distances and rooms differ by 1.4 standard deviations. docs/sweeps.md shows the same comparison as a parameter sweep.
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,27 +18,20 @@ from experiments.campaign import tally
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import Case
 from experiments.campaign.frame import Frame, shared, stored
-from experiments.drawing import legend_above
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure, legend_above
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.recognition import corner_reflector_calibration
 from experiments.rover import rover_disentangle, rover_fidelity
 from experiments.speed.machine import machine
 from experiments.statistics import Estimate
 from experiments.turntable import environment, linear_rail, turntable_material, turntable_shape, turntable_size
-from experiments.verdicts import row
+from experiments.verdicts import RowList
 from radartwin.config.compose import compose
-from radartwin.config.config import Config
 from radartwin.config.materials import default_materials
 from radartwin.config.simulator import AutoSimulator, MitsubaSimulator
 from radartwin.errors import ConfigError, InputError
 from radartwin.features import families
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
-from radartwin.runs.experiment import Result, Table
 from radartwin.store.digest import semantic
-from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="sensitivity",
@@ -110,9 +100,7 @@ def _config_of(module: ModuleType) -> Config:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Simulate the campaign's recordings with every setting. Raises ConfigError if the configured materials are those of a setting, or if
-    the simulator is neither mitsuba nor auto.
-    """
+    """Simulate the campaign with every setting. Raises ConfigError for the materials of a setting, or another simulator."""
     if config.materials.source in {setting.materials for setting in SETTINGS}:
         raise ConfigError(
             f"materials={config.materials.source} is one of the settings that experiment=sensitivity tries; leave materials out"
@@ -154,27 +142,23 @@ def read(campaign: Campaign, config: Config, progress: Progress) -> Twin:
 
 def fidelity(campaign: Campaign, config: Config, progress: Progress) -> Iterator[tuple[tuple[str, str], tuple[float, list[str]]]]:
     """Return ((table, metric), (value, keys of the recordings)) of each result of the fidelity tables."""
+    fetch = partial(stored, progress=progress)
     for module in FIDELITY:
         same = {
             part: getattr(config, part) for part in ("simulator", "materials", "radar", "measured", "profile", "seed", "output", "jobs")
         }
-        quick = {"ripple": False} if module is turntable_shape else {}
         try:
             table_config = replace(_config_of(module), **same)
-            result = module.score(table_config, _frame(module, table_config, campaign, progress), **quick)
+            if module is environment:
+                frame = environment.read(table_config, environment.sources(campaign), fetch)
+            else:
+                frame = fetch(campaign, shared(campaign, module.MOTIONS))
+            result = module.score(table_config, frame.assign(draw=0))  # all draws count as repetitions of one draw
         except InputError as error:  # the campaign lacks the motion, or has too few objects
             progress.say(f"sensitivity: leaves out the table {_name(module)}: {error}")
             continue
         for metric, value in result.metrics.items():
             yield (_name(module), metric), (value, result.keys)
-
-
-def _frame(module: ModuleType, config: Config, campaign: Campaign, progress: Progress) -> Frame:
-    """Return the frame of a fidelity table. All draws count as repetitions of one draw."""
-    fetch = partial(stored, progress=progress)
-    if module is environment:
-        return environment.read(config, environment.sources(campaign), fetch).assign(draw=0)
-    return fetch(campaign, shared(campaign, module.MOTIONS)).assign(draw=0)
 
 
 def _recording_columns(campaign: Campaign, case: Case) -> tuple[str, str, np.ndarray, float, int, int]:
@@ -186,37 +170,33 @@ def _recording_columns(campaign: Campaign, case: Case) -> tuple[str, str, np.nda
     return case.motion, key, values, float(made["core_seconds"]) / told["frames"], int(told.get(tally.SETUPS, 0)), int(told["frames"])
 
 
-def table(config: Config, twins: Mapping[str, Twin]) -> list[dict[str, Any]]:
-    """Return rows with feature error and run time for each setting and motion, and each fidelity result with its change from the
-    default.
-    """
+def table(config: Config, twins: Mapping[str, Twin]) -> RowList:
+    """Return feature error and run time of each setting and motion, and each fidelity result with its change from the default."""
     default = twins[DEFAULT]
     finest = dict(list(twins[FINEST].recordings.groupby("motion")))
     seeds = config.profile.resamples, config.seed
-    rows = []
+    rows = RowList(config)
     for name, twin in twins.items():
         for motion, of_motion in twin.recordings.groupby("motion", sort=False):
             case = {"setting": name, "table": "", "motion": motion, "change": None}
             error = feature_error(*(np.stack(list(recordings.features)) for recordings in (of_motion, finest[motion])))
-            rows.append(row(config, case, ERROR, statistics.mean(error, *seeds), {*of_motion.key, *finest[motion].key}))
+            rows.add(case, ERROR, statistics.mean(error, *seeds), {*of_motion.key, *finest[motion].key})
             plain, others = of_motion[of_motion.setups == 0], of_motion[of_motion.setups > 0]
             if len(plain):
-                rows.append(row(config, case, COST, statistics.mean(1e3 * plain.frame_s, *seeds), plain.key))
+                rows.add(case, COST, statistics.mean(1e3 * plain.frame_s, *seeds), plain.key)
                 if len(others):
                     whole = (others.frame_s - plain.frame_s.mean()) * others.frames / others.setups
-                    rows.append(row(config, case, SETUP, statistics.mean(whole, *seeds), others.key))
+                    rows.add(case, SETUP, statistics.mean(whole, *seeds), others.key)
         for (table_name, metric), (value, keys) in twin.figures.items():
             change = value - default.figures[table_name, metric][0] if (table_name, metric) in default.figures else None
             case = {"setting": name, "table": table_name, "motion": "", "change": change}
-            rows.append(row(config, case, metric, Estimate(value, float("nan"), float("nan"), len(keys)), keys))
+            rows.add(case, metric, Estimate(value, float("nan"), float("nan"), len(keys)), keys)
     return rows
 
 
 def feature_error(values: np.ndarray, finest: np.ndarray) -> np.ndarray:
-    """Return the feature error (recordings,): the rms over features of (value - value of the finest setting) / standard deviation.
-
-    `values` and `finest` have the shape (recordings, features). The standard deviation of a feature is taken over the recordings of the
-    finest setting. A feature that is constant over the recordings of the finest setting is left out.
+    """Return the feature error (recordings,) of (recordings, features): the rms over features of (value - value of the finest setting) /
+    standard deviation over the recordings of the finest setting. Features that are constant there are left out.
     """
     spread = finest.std(axis=0)
     tells = spread > 1e-9 * np.abs(finest).max(axis=0, initial=0.0)
@@ -224,9 +204,7 @@ def feature_error(values: np.ndarray, finest: np.ndarray) -> np.ndarray:
 
 
 def chart(rows: Sequence[dict[str, Any]]) -> Figure:
-    """Draw run time against feature error, with one panel per motion and one marker per setting. The finest setting has no marker,
-    because it is the reference.
-    """
+    """Draw run time against feature error, with a panel for each motion and a marker for each setting except the finest."""
     motions = list(dict.fromkeys(r["motion"] for r in rows if r["metric"] == ERROR))
     drawing, panels = figure(1, len(motions), width_in=PAGE_WIDTH_IN, height_in=3.2, sharey=True, squeeze=False)
     names = [setting.name for setting in SETTINGS if setting.name != FINEST]

@@ -1,12 +1,9 @@
 """Measure the run time of simulation models per frame of a whole recording, from a short and a longer simulated recording.
 
-The run time of a recording has a fixed part, such as tracing the room once for a radar at rest, and a part that grows with the number of
-frames. The fixed part and the part per frame are estimated from a recording of all frames of a `Probe` (the frames on which simulator=auto
-compares models) and a recording of half as many frames. The simulation models are timed in turn, in several rounds. A few frames are
-simulated before the timing, so that all kernels are compiled. Each simulation model is timed with a cache that is empty at the start.
+A recording of all frames of a `Probe` and one of half as many give the fixed part of the run time (such as tracing the room once for a
+radar at rest) and the part per frame. The models are timed in turn, in several rounds, each with an empty cache and after the kernels are
+compiled.
 """
-
-from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Sequence
@@ -28,10 +25,8 @@ FIRST = 4  # frames that are recorded to compile the kernels
 
 
 def seconds(probe_of: Callable[[int | None, bool], Probe], models: Sequence[Model], rounds: int, store: Store) -> dict[Model, list[float]]:
-    """Return the run time in core-seconds per frame of a whole recording: for each model, a list with one value per round.
-
-    Args:
-        probe_of: function (number of frames or None for the default, whether to take frames between the probe's frames) -> probe.
+    """Return the run time in core-seconds per frame of a whole recording: for each model, a list with one value per round. `probe_of` is a
+    function (number of frames, whether to take frames between the probe's frames) -> probe.
     """
     many = probe_of(None, False)
     few = probe_of((many.frames + 1) // 2, False)

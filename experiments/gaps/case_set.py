@@ -5,8 +5,6 @@ single gap on. A `Reading` holds the features of one recording (target gate of +
 signal, which also shows changes of phase.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 
@@ -15,7 +13,7 @@ from numpy.typing import NDArray
 
 from experiments.campaign.campaign import Campaign, load_clean
 from experiments.campaign.cases import Case
-from radartwin.config.config import Config
+from experiments.interface import Config, Progress, Store
 from radartwin.config.materials import MaterialsConfig, TrueMaterials
 from radartwin.config.study import GapConfig
 from radartwin.errors import ConfigError
@@ -23,8 +21,6 @@ from radartwin.features import envelope, peak_track
 from radartwin.features.log import Log, distances
 from radartwin.features.processed import Processed, process
 from radartwin.features.profile import FAR_M, GATE_BINS, NEAR_M, gate_energies, multipath_share, profile_correlation
-from radartwin.io.progress import Progress
-from radartwin.store.products import Store
 
 GAPS = tuple(f.name for f in fields(GapConfig))
 ZERO_M = 0.2  # the coupling between antennas appears below this range
@@ -89,9 +85,7 @@ class Reading:
 
 
 def recorded(config: Config, store: Store, progress: Progress, domain: str, case: Case, frames: int | None = None) -> Reading:
-    """Compute the features of a case, or of its first `frames` frames; a missing recording is simulated. The simulated recordings are read
-    without receiver noise.
-    """
+    """Compute the features of a case, or of its first `frames` frames; simulated recordings are read without receiver noise."""
     campaign = Campaign(config, store, progress)
     log = campaign.log(case, domain)
     if domain == "measured":

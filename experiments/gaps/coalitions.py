@@ -1,15 +1,10 @@
-"""Simulate recordings with any set of gaps (differences between virtual measurement and simulation), and compute the losses that this set
-causes.
+"""Simulate recordings with any set of gaps (differences between virtual measurement and simulation), and compute the losses of this set.
 
-A coalition is a set of gaps that are on. The module `gap_attribution` divides the losses of a coalition among its gaps. The gaps `geometry`
-and `labels` change the simulation. The gap `hardware` changes the measurement and adds receiver noise to the simulation; without `hardware`
-neither domain has noise. All gaps except `geometry`, `labels` and `hardware` change only the measurement. A "side" is one domain (measured
-or simulated) with the gaps that change this domain. The recordings of about twenty such sides are enough to compute the losses of dozens of
-coalitions. The gap `contents` does not change an object without liquid (radartwin/testbed/variation.py), so an object without liquid is
-recorded only with `contents` on.
+A coalition is a set of gaps that are on. The gaps `geometry` and `labels` change the simulation, `hardware` changes the measurement and
+adds receiver noise to the simulation (without it neither domain has noise), and all other gaps change only the measurement. A "side" is one
+domain with the gaps that change it; about twenty sides are enough for the losses of dozens of coalitions. The gap `contents` does not
+change an object without liquid (radartwin/testbed/variation.py), which is recorded only with `contents` on.
 """
-
-from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
@@ -24,20 +19,18 @@ from experiments.campaign.frame import Frame
 from experiments.campaign.schedule import RecordingTask
 from experiments.gaps import case_set
 from experiments.gaps.shapley import Coalition
+from experiments.interface import Config, Progress, Store
 from experiments.recognition import readings, transfer
 from experiments.recognition.protocol import correct
 from experiments.recognition.readings import recording_name
-from radartwin.config.config import Config
 from radartwin.config.materials import TrueMaterials, VlmMaterials
 from radartwin.features import families
 from radartwin.features.log import Log
 from radartwin.features.processed import Processed, process
 from radartwin.features.profile import profile_correlation
-from radartwin.io.progress import Progress
 from radartwin.recognize.samples import Samples, join
 from radartwin.recognize.split import label_free
 from radartwin.scene.objects.catalogue import catalogue
-from radartwin.store.products import Store
 
 LABELS = "labels"  # a gap: the simulated room has materials of the configured source instead of the true materials
 TWIN = frozenset(("geometry", LABELS, "hardware"))  # gaps that change how the simulated recordings are computed or read
@@ -62,10 +55,8 @@ def cases(objects: Iterable[str]) -> list[Case]:
 
 
 def configured(config: Config, on: Collection[str]) -> Config:
-    """Return the configuration with the gaps `on` switched on, all other gaps off, and one turntable revolution of FRAMES frames.
-
-    The recorded answers of the vision-language model describe the surfaces of the scan. A surface of the exact room that is not in the scan
-    becomes plasterboard.
+    """Return the configuration with only the gaps `on`, and one turntable revolution of FRAMES frames. Surfaces of the exact room that are
+    not in the scan, which the recorded answers describe, become plasterboard.
     """
     strengths = {gap: 1.0 for gap in on if gap != LABELS}
     materials = config.materials if LABELS in on else TrueMaterials()
@@ -87,9 +78,7 @@ class Sides:
         self._read: dict[Side, Frame] = {}
 
     def prepare(self, sets_of_gaps: Iterable[Coalition]) -> None:
-        """Simulate and read the sides (measured or simulated recordings with their gaps) of these coalitions of gaps. Sides that
-        share a room set-up are simulated together.
-        """
+        """Simulate and read the sides of these coalitions. Sides that share a room set-up are simulated together."""
         ordered = sides_of(sets_of_gaps)
         make_together(self.missing(ordered), self.config.jobs, self.progress)
         for domain, on in self.progress.over(ordered, "sides"):
@@ -104,10 +93,8 @@ class Sides:
         )
 
     def read(self, domain: str, on: Coalition) -> Frame:
-        """Return the frame of the recordings of one domain (measured or simulated) with the gaps `on`, in the order of the cases.
-
-        Its columns are the store `key` before receiver effects, the features `vector` that the feature error compares, the mean power
-        `profile` (B,) over range with its axis `range_m`, and those of `readings.frames`.
+        """Return the frame of one domain (measured or simulated) with the gaps `on`, in the order of the cases: the store `key` before
+        receiver effects, the compared features `vector`, the mean power `profile` (B,) over `range_m`, and those of `readings.frames`.
         """
         if (domain, on) not in self._read:
             rows = []
@@ -115,17 +102,8 @@ class Sides:
                 (key, processed), log = self.processed(domain, on, case), self.log(domain, case)
                 names, frames = families.frames(processed, log, FEATURES)
                 compared = {"vector": families.vector(processed, log, FEATURES, WITHOUT)[1], "range_m": processed.range_m}
-                rows.append(
-                    {
-                        **asdict(case),
-                        "domain": domain,
-                        "key": key,
-                        **compared,
-                        "profile": processed.power.mean(axis=0, dtype=np.float64),
-                        "frames": frames,
-                        "frame_features": np.array(names),
-                    }
-                )
+                compared["profile"] = processed.power.mean(axis=0, dtype=np.float64)
+                rows.append(asdict(case) | {"domain": domain, "key": key, "frames": frames, "frame_features": np.array(names)} | compared)
             self._read[domain, on] = pd.DataFrame(rows)
         return self._read[domain, on]
 
@@ -173,10 +151,9 @@ def _setup(domain: str, on: Coalition) -> str:
 def losses(config: Config, sides: Sides, sets_of_gaps: Iterable[Coalition]) -> Losses:
     """Compute three losses per recording for each coalition of gaps, as [loss][coalition] -> array (recordings,).
 
-    ERROR is the rms over features of simulated minus measured value, each divided by the feature's standard deviation over the simulated
-    recordings without gaps. PROFILE is one minus the correlation of the simulated with the measured mean range profile in decibels, from
-    0.3 to 5.5 m. RECOGNITION is the share of random seeds for which a random forest trained on simulated frames classifies a measured
-    recording wrongly. The features of the random forest are replaced by their ranks within each domain and distance.
+    ERROR is the rms over features of simulated minus measured value, in standard deviations of the simulation without gaps. PROFILE is one
+    minus the correlation of the mean range profiles in decibels. RECOGNITION is the share of seeds for which a forest, trained on ranks of
+    simulated frames, is wrong.
     """
     wanted = list(dict.fromkeys(sets_of_gaps))
     sides.prepare(wanted)
@@ -199,18 +176,13 @@ def losses(config: Config, sides: Sides, sets_of_gaps: Iterable[Coalition]) -> L
 
 
 def recognised_shares(config: Config, simulated: Samples, measured: Mapping[Coalition, Samples]) -> dict[Coalition, NDArray[np.float64]]:
-    """Return, for each coalition, the share of seeds (recordings,) in which forests trained on simulated frames classify correctly.
-
-    The forests are trained once, on simulated frames, and classify the recordings of the testbed with every set of gaps. The features are
-    replaced by their ranks within each set of gaps.
+    """Return, for each coalition, the share of seeds (recordings,) in which forests trained once on simulated frames classify the
+    recordings of the testbed correctly. The features are ranks within each set of gaps.
     """
-    renamed = [_renamed(transfer.ranked(samples), number) for number, samples in enumerate(measured.values())]
+    renamed = []
+    for number, samples in enumerate(map(transfer.ranked, measured.values())):  # new names of the recordings sort by the number
+        names = {column: np.char.add(f"{number:05d} ", getattr(samples, column)) for column in ("recording", "source")}
+        renamed.append(replace(samples, **names))
     split = label_free(transfer.ranked(simulated), join(*renamed))
     hits = correct(transfer.predict(config, split), split.test.per_recording().label).mean(axis=0)
     return dict(zip(measured, np.split(hits, len(renamed)), strict=True))
-
-
-def _renamed(samples: Samples, number: int) -> Samples:
-    """Return the sample rows with new recording names that sort by `number`."""
-    names = {column: np.char.add(f"{number:05d} ", getattr(samples, column)) for column in ("recording", "source")}
-    return replace(samples, **names)

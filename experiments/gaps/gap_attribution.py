@@ -1,41 +1,27 @@
 """Gap attribution: how much of the difference between simulation and virtual measurement does each gap cause?
 
-A gap is one kind of difference between simulation and virtual measurement, such as wrong material labels of surfaces. Three losses of
-fidelity and recognition (experiments/gaps/coalitions.py) are computed for sets of gaps that are on. Three numbers describe each group of
-gaps. In the paper profile, the first two also describe each gap of a larger group. "Alone" is the loss that the group or gap causes if all
-other gaps are off. "Left out" is the decrease of the loss if this group or gap is switched off while all other gaps are on. "Share" is the
-Shapley value of the group (experiments/gaps/shapley.py). The Shapley values are computed without sampling, and the shares of all groups sum
-to the total loss. If a gap causes a large loss alone but its "left out" is zero, other gaps hide its effect. The claims of the gap
-attribution were written before its first run. The constants LEAST and AT_MOST were set after the first run. The quick profile takes 86
-core-seconds on a busy machine; 28 of these core-seconds set up the scanned laboratory.
+Three losses (`coalitions`) are computed for sets of gaps. "Alone" is the loss of a group of gaps if all others are off, "left out" the
+decrease if only this group is switched off, and "share" its exact Shapley value; the shares sum to the total. If a gap is large alone but
+zero left out, other gaps hide its effect. The claims were written before the first run, the constants LEAST and AT_MOST after it.
 """
-
-from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from experiments import statistics
 from experiments.campaign.schedule import RecordingTask
-from experiments.drawing import error_bars, legend_above
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, error_bars, figure, legend_above
 from experiments.gaps import case_set, shapley
 from experiments.gaps.coalitions import ERROR, LABELS, PROFILE, RECOGNITION, SCORES, Losses, Sides, cases, losses, sides_of
 from experiments.gaps.shapley import Coalition
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.verdicts import NONE, Claim, Row, RowList, within
-from radartwin.config.config import Config
 from radartwin.errors import ConfigError
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
-from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.catalogue import catalogue
-from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="gap_attribution",
@@ -75,9 +61,7 @@ class Plan:
         return frozenset(gap for player in players for gap in self.groups[player])
 
     def switched(self) -> dict[str, Coalition]:
-        """Return {name: gaps} of the sets of gaps that the rows "alone" and "left out" switch together. These are the groups and, with
-        `singly`, each gap of a larger group.
-        """
+        """Return {name: gaps} that "alone" and "left out" switch together: the groups and, with `singly`, each gap of a larger group."""
         single = {f"{gap} only": frozenset((gap,)) for gaps in self.groups.values() if self.singly and len(gaps) > 1 for gap in gaps}
         return {name: frozenset(gaps) for name, gaps in self.groups.items()} | single
 
@@ -126,9 +110,7 @@ CLAIMS: dict[tuple[str, str, str, str], Claim] = {  # key: score, gap, objects, 
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the attribution table for the configured simulation and testbed. Raises ConfigError for a setting that the table sets
-    itself.
-    """
+    """Compute the attribution table. Raises ConfigError for a setting that the table sets itself."""
     check(config)
     plan = plan_of(config)
     sides = Sides(config, store, progress, cases(plan.objects))
@@ -159,11 +141,7 @@ def check(config: Config) -> None:
 
 
 def table(config: Config, plan: Plan, by_score: Losses, filled: NDArray[np.bool_], keys: Sequence[str]) -> list[Row]:
-    """Build the table rows of each loss: the loss without gaps, the loss with all gaps, and three rows for each gap.
-
-    The three rows of a gap are its loss alone, its loss if left out, and its share. The table has these rows once for all objects and once
-    for filled bottles only. `filled` is the mask (recordings,) of the filled bottles.
-    """
+    """Build the rows of each loss, for all objects and for the bottles `filled`: without and with all gaps, and three for each gap."""
     rows = RowList(config)
     for score in SCORES:
         for objects, mask in ((ALL, np.ones_like(filled)), (FILLED, filled)):

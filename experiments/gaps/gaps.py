@@ -1,21 +1,15 @@
 """The table `gaps`: agreement of simulation and virtual measurement with all gaps off, and the effect of each gap alone.
 
-A gap is one kind of difference between virtual measurement (testbed) and simulation, set by measured.gap. In the rows of a gap, this gap
-has strength 1 and all other gaps are off. The paper profile also uses strength 2. experiments/gaps/predictions.py predicts the effects.
-
-A table row of the paper profile is the mean over DRAWS random draws of the gap; the quick profile has one draw. The solver gap always has
-one draw, because nothing about it is random. Roughness moves power from the specular reflection to diffuse scatter, so the echo power of a
-rougher room can be higher. The turntable's motor and gear are clutter inside the target gate. In the rows of the geometry gap, the
-simulated scan contains the room's clutter, but the virtual measurements do not. The quick profile needs 270 core-seconds to simulate the
-recordings.
+A gap has strength 1 (paper profile: also 2); `predictions` predicts its effects. A row of the paper profile is the mean over DRAWS draws.
+Roughness moves power from specular reflection to diffuse scatter, so the echo of a rougher room can be stronger. The turntable's motor and
+gear are clutter inside the target gate. In the rows of the geometry gap, the scan contains the room's clutter, but the virtual measurements
+do not.
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -26,20 +20,13 @@ from experiments.campaign.cases import Case
 from experiments.campaign.frame import Frame
 from experiments.campaign.truth import DRAW_STEP
 from experiments.cells import Cell, joined_rows, keys, using
-from experiments.drawing import legend_above
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure, legend_above
 from experiments.gaps import case_set
 from experiments.gaps.case_set import CASES, FILLED, GAPS, GROUPS, METAL, Reading
 from experiments.gaps.predictions import expected
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.verdicts import BELOW, NONE, Claim
-from radartwin.config.config import Config
 from radartwin.errors import ConfigError
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="gaps",
@@ -63,9 +50,7 @@ CONDITIONS = ("gap", "strength", "draw", "case", "key")  # columns of the frame 
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the agreement with all gaps off, then the effect of each gap alone. Raises ConfigError for settings that the table sets
-    itself.
-    """
+    """Compute the agreement with all gaps off, then the effect of each gap. Raises ConfigError for settings of the table itself."""
     check(config)
     strengths = (1.0,) if config.profile.name == "quick" else (1.0, 2.0)
     # the solver gap is only on or off, and nothing about it is random
@@ -87,7 +72,11 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         domain, reference = ("twin", exact) if gap == "geometry" else ("measured", base)
         for case, reading in recorded(domain, gap, strength, draw).items():
             at = {"gap": gap, "strength": strength, "draw": draw, "case": case, "key": [reading.key, reference[case].key]}
-            moves.append({**at, **_moved(gap, reading, reference[case])})
+            changes = case_set.moved(reading, reference[case])
+            if gap == "hardware":  # only the hardware gap adds noise and leakage
+                risen_db = reading.zero_db - reference[case].zero_db
+                changes |= {"noise floor (dB)": reading.noise_db, "level at zero range, risen by (dB)": risen_db}
+            moves.append({**at, **changes})
     frame = pd.DataFrame(moves)
     rows = [cell.row(config) for cell in agreement(base, exact, frame[frame.gap == "solver"].set_index("case"))]
     for case, turns in INTERPOLATED.get(config.profile.name, ()):
@@ -111,18 +100,8 @@ def check(config: Config) -> None:
         raise ConfigError(f"experiment=gaps gives the twin the true materials itself; leave materials={config.materials.source} out")
 
 
-def _moved(gap: str, reading: Reading, base: Reading) -> dict[str, float]:
-    changes = case_set.moved(reading, base)
-    if gap == "hardware":  # only the hardware gap adds noise and leakage
-        changes |= {"noise floor (dB)": reading.noise_db, "level at zero range, risen by (dB)": reading.zero_db - base.zero_db}
-    return changes
-
-
 def agreement(base: Mapping[Case, Reading], exact: Mapping[Case, Reading], solver: Frame) -> Iterator[Cell]:
-    """Declare for each case the difference between measurement and simulation with all gaps off.
-
-    The claim of such a cell is that this difference is smaller than the change that finer ray tracing causes (`solver`, by case).
-    """
+    """Declare the difference of the domains with all gaps off, claimed to be below the change that finer tracing causes (`solver`)."""
     for case in CASES:
         changes = case_set.moved(exact[case], base[case])
         of = pd.DataFrame({"key": [base[case].key, exact[case].key]})
@@ -142,10 +121,7 @@ def interpolated(case: Case, traced: Reading, blended: Reading) -> Cell:
 
 
 def cells(config: Config, frame: Frame) -> Iterator[Cell]:
-    """Declare the cells of one draw: all features for the case groups in SHOWN, only the predicted features for other groups.
-
-    A row of the frame has the changes of the features of one `case` by a `gap` at a `strength`, with the store keys `key`.
-    """
+    """Declare the cells of one draw: all features for the groups SHOWN, the predicted ones for others. A frame row is a case."""
     sources = config.measured.gap.sources()
     for (gap, strength), changes in frame.groupby(["gap", "strength"], sort=False):
         claims, by_case = {(group, feature): claim for group, feature, claim in expected(gap, strength)}, changes.set_index("case")

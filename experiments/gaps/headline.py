@@ -1,17 +1,10 @@
 """The table `headline`: the paper's main claims, with all gaps of the testbed at several strengths.
 
-Each row is one claim, which another table judges. The judging table is computed for every strength (`profile.strengths`), or read from the
-store. The strength multiplies all settings measured.gap.NAME. If the verdicts at the strengths differ, the column `over all strengths` says
-"depends on strength".
-
-An interval over more draws is narrower, so that a verdict may depend on the number of draws. All strengths, including strength 1, are
-therefore compared with the same campaign, profile.strength_campaign. The settings profile.campaign do not change it. In the paper profile,
-it has fewer draws, distances, rooms and frames than profile.campaign, because recordings of the paper's size at two more strengths take
-about four hours on two cores. The value and the verdict of a row use profile.campaign. The
-claims are one family: their intervals have the levels of Holm's correction (`at_levels`), those of the strengths have 95 %.
+Each row is one claim, which another table judges at every strength (`profile.strengths` times all measured.gap.NAME). All strengths are
+compared with the same smaller campaign, profile.strength_campaign, because the width of an interval depends on the number of draws, and the
+paper's campaign at two more strengths takes four hours. Value and verdict of a row use profile.campaign. The claims are one family: their
+intervals have the levels of Holm's correction (`at_levels`), those of the strengths have 95 %.
 """
-
-from __future__ import annotations
 
 import functools
 import math
@@ -26,6 +19,7 @@ from experiments import draws
 from experiments.campaign.campaign import joined
 from experiments.campaign.cases import REFLECTOR, planned
 from experiments.campaign.schedule import RecordingTask
+from experiments.interface import Config, Progress, Store
 from experiments.recognition import labelled_probe, reconstruction_ablation, rover_recognition, turntable_label_free
 from experiments.recognition.protocol import CHANCE_MARGIN, FLOOR_ONLY, LEAST_GAIN, SAME_MODELS
 from experiments.rover import rover_fidelity
@@ -33,12 +27,9 @@ from experiments.statistics import LEVEL, PERMUTATION, STUDENT, at_level
 from experiments.turntable import environment, linear_rail, turntable_material, turntable_shape
 from experiments.verdicts import EQUAL, NONE, NOT_HERE, PRIMARY, Claim, judge
 from radartwin.config.compose import compose
-from radartwin.config.config import Config
 from radartwin.errors import ConfigError
-from radartwin.io.progress import Progress
 from radartwin.runs.experiment import JUDGED, SCORE_COLUMNS, VERDICTS, Result, Table
 from radartwin.runs.run import run_experiment, run_key
-from radartwin.store.products import Store
 
 SOURCES = {
     module.TABLE.name: module
@@ -68,24 +59,16 @@ TABLE = Table(
 
 @dataclass(frozen=True)
 class Headline:
-    """One claim of the paper, and the table row that judges it.
+    """One claim of the paper, and the table row that judges it."""
 
-    Attributes:
-        text: the claim in words. source: where the paper states it.
-        table, metric: the table and the metric of the row. where: values that further columns of this row must have.
-        unless: values of columns; the claim is left out if a row of the same table has all these values.
-        claim: the condition, which the row must state too; without a bound, the bound is the accuracy of chance.
-        test: test of the claim and unit of this test, over all draws of the paper profile.
-    """
-
-    text: str
-    source: str
+    text: str  # the claim in words
+    source: str  # where the paper states it
     table: str
     metric: str
-    where: Mapping[str, Any] = field(default_factory=dict)
-    unless: Mapping[str, Any] = field(default_factory=dict)
-    claim: Claim = NONE
-    test: tuple[str, str] = (STUDENT, "draws")
+    where: Mapping[str, Any] = field(default_factory=dict)  # values that further columns of the row must have
+    unless: Mapping[str, Any] = field(default_factory=dict)  # the claim is left out if a row of the table has all these values
+    claim: Claim = NONE  # the row must state it too; without a bound, the bound is the accuracy of chance
+    test: tuple[str, str] = (STUDENT, "draws")  # test of the claim and unit of this test, over all draws of the paper profile
 
 
 ON_OBJECTS, ON_BOTH = (PERMUTATION, "objects"), (STUDENT, "draws and objects")  # tests
@@ -95,20 +78,19 @@ REGISTERED = {False: range(100, 110), True: range(100, 103)}  # draws that decid
 AT_1_M = {"distance_m": 1.0}  # every profile has turntable recordings at 1 m, and the quick profile at no other distance
 
 
-def on_probe(probe: str, unless: Mapping[str, Any]) -> tuple[Headline, Headline]:
+def on_probe(probe: str, unless: Mapping[str, Any]) -> list[Headline]:
     """Return the two claims about the table labelled_probe for one of its probes (ways to classify with labelled recordings)."""
-    case = {"supervision": "few_shot", "probe": probe, "layout": None}
-    return (
+    case, pretrained = {"supervision": "few_shot", "probe": probe, "layout": None}, labelled_probe.PRETRAINED
+    return [
         Headline(
-            f"training on simulation beats raw features ({probe})", "labelled probe", "labelled_probe", "gain in accuracy",
-            {**case, "method": f"{labelled_probe.PRETRAINED} - {labelled_probe.RAW}"}, unless, GAIN,
-        ),
-        Headline(
-            f"training on our simulation is more accurate than on RF-Genesis ({probe})", "labelled probe", "labelled_probe",
-            "gain in accuracy",
-            {**case, "method": f"{labelled_probe.PRETRAINED} - {labelled_probe.RIVAL}"}, unless, GAIN,
-        ),
-    )  # fmt: skip
+            f"{text} ({probe})", "labelled probe", "labelled_probe", "gain in accuracy", {**case, "method": f"{pretrained} - {other}"},
+            unless, GAIN,
+        )
+        for text, other in (
+            ("training on simulation beats raw features", labelled_probe.RAW),
+            ("training on our simulation is more accurate than on RF-Genesis", labelled_probe.RIVAL),
+        )
+    ]  # fmt: skip
 
 
 HEADLINES = (
@@ -213,23 +195,13 @@ def strengths(config: Config) -> list[float]:
 
 def compared(config: Config) -> Config:
     """Return the configuration with the campaign at which the strengths are compared, and without the rows that no claim needs."""
-    profile = config.profile
-    return replace(
-        config,
-        profile=replace(
-            profile,
-            campaign=replace(profile.strength_campaign, first_draw=profile.campaign.first_draw),
-            unknown_contents=False,
-            exact_objects=False,
-            layout_turns=0,
-        ),
-    )
+    campaign = replace(config.profile.strength_campaign, first_draw=config.profile.campaign.first_draw)
+    profile = replace(config.profile, campaign=campaign, unknown_contents=False, exact_objects=False, layout_turns=0)
+    return replace(config, profile=profile)
 
 
 def tables(config: Config) -> dict[tuple[float | str, str], Config]:
-    """Return the configuration of each table that the rows compare, by strength and name. An entry with WHOLE in place of the strength
-    has strength 1 and the whole campaign. Raises ConfigError for an unknown object in a campaign.
-    """
+    """Return the configuration of each compared table by strength (or WHOLE: strength 1 and the whole campaign) and name."""
     planned(config.profile.campaign, measured=True)
     planned(config.profile.strength_campaign, measured=True)
     configs: dict[tuple[float | str, str], Config] = {(WHOLE, name): at_strength(config, name, NOMINAL) for name in SOURCES}
@@ -312,9 +284,8 @@ def _told(row: Mapping[str, Any] | None) -> str:
 
 
 def at_levels(rows: Sequence[dict[str, Any]]) -> None:
-    """Judge the rows with a p value as one family: the claim of rank i of m by its p value has the level 1 - 0.05/(m - i + 1) of Holm's
-    correction (S. Holm, Scandinavian Journal of Statistics 6 (1979) 65), at which its interval and verdict are given. Claims that the
-    testbed cannot decide are no tests.
+    """Judge the rows with a p value as one family by Holm's correction (Scandinavian Journal of Statistics 6 (1979) 65): the claim of rank
+    i of m has the level 1 - 0.05/(m - i + 1). Claims that the testbed cannot decide are no tests.
     """
     tested = sorted((row for row in rows if row["p"] is not None and row["verdict"] != NOT_HERE), key=lambda row: row["p"])
     for rank, row in enumerate(tested):

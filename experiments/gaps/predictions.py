@@ -1,12 +1,9 @@
 """Predictions from physics for each gap (known difference between virtual measurement and simulation) when it is the only gap that is on.
 
-A prediction bounds the change of a feature and gives the reason. docs/findings.md says when bounds were written; one bound was tightened
-after the first run, as its comment says. A bound may depend on the gap's strength s (default 1) and holds for the group of recordings
-that the prediction names. The prediction that a brightness "stays" means that the echo power of the target changes by at most 0.5 dB for a
-metal target, or by 1 dB if echoes of other objects fall into the target gate.
+A prediction bounds the change of a feature for a group of recordings, at the gap's strength s, and gives the reason. docs/findings.md says
+when bounds were written; one was tightened after the first run, as its comment says. A brightness that "stays" changes by at most 0.5 dB
+for a metal target, or by 1 dB if echoes of other objects fall into the target gate.
 """
-
-from __future__ import annotations
 
 from dataclasses import replace
 

@@ -9,8 +9,6 @@ a file whose hash does not match. It says which claims of a table differ from th
 status is 2 if a file is refused, and 1 if a claim differs.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import datetime
@@ -72,9 +70,7 @@ def read(path: Path) -> list[dict[str, Any]]:
 
 
 def differences(registered: Sequence[Mapping[str, Any]], table: Path) -> list[str]:
-    """Return a line for each registered claim that a headline table lacks, states otherwise, or judges on other draws, and for each claim
-    of the table that is not registered. Raises InputError for another table.
-    """
+    """Return a line for each claim that the table lacks, states otherwise, judges on other draws, or that is not registered."""
     known = {claim[TEXT]: claim for claim in registered}
     try:
         with table.open(encoding="utf-8", newline="") as stream:

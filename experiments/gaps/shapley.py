@@ -1,13 +1,10 @@
 """Exact Shapley values: divide the value of a coalition (set of players) among its players.
 
-Symbols: N -> players, S -> coalition, v(S) -> value, phi_i -> share of player i. The share of a player is the value that this player adds
-by joining a coalition, averaged over all orders in which the players can join. The formula is phi_i = sum over S without i of |S|! (|N| -
-|S| - 1)! / |N|! (v(S + i) - v(S)). The shares of all players sum to v(N) - v({}). Ref: L. S. Shapley, A Value for n-Person Games, 1953.
-Shares are linear in v, so that one value per recording gives one share per recording. The values of all coalitions are used, so the shares
-have no sampling error.
+Symbols: N -> players, S -> coalition, v(S) -> value, phi_i -> share of player i, which is what the player adds by joining, averaged over
+all orders of joining: phi_i = sum over S without i of |S|! (|N| - |S| - 1)! / |N|! (v(S + i) - v(S)). The shares sum to v(N) - v({}), are
+linear in v, so that one value per recording gives one share per recording, and have no sampling error. Ref: L. S. Shapley, A Value for
+n-Person Games, 1953.
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
@@ -26,12 +23,7 @@ def coalitions(players: Sequence[str]) -> Iterator[Coalition]:
 
 
 def shares(players: Sequence[str], value: Game) -> dict[str, NDArray[np.float64]]:
-    """Compute the Shapley share of each player.
-
-    Args:
-        value: mapping from every coalition to its value, an array whose shape (...) is the same for all coalitions.
-    Returns:
-        Dictionary {player: Shapley share}; each share is an array with the same shape (...) as the values.
+    """Return {player: Shapley share}; `value` maps every coalition to an array, and each share is an array of the same shape.
 
     >>> glove = {s: np.array(float("left" in s and len(s) > 1)) for s in coalitions(["left", "right", "other right"])}
     >>> {player: round(float(share), 3) for player, share in shares(["left", "right", "other right"], glove).items()}

@@ -1,11 +1,8 @@
 """Write the text embeddings of the objects' descriptions that the package contains: `python -m experiments.generators.anchors`.
 
-Run this script after a description of an object's look or radar echo in the object catalogue has changed. Unchanged descriptions keep their
-embeddings. The script needs the optional dependencies `text` of the package (`pip install radartwin[text]`). The script also prints the
-largest cosine between the embeddings of two objects, for each kind of description.
+Run it after a description of an object's look or radar echo in the catalogue has changed; the other embeddings stay. It needs `pip install
+radartwin[text]`, and prints the largest cosine between the embeddings of two objects, for each kind of description.
 """
-
-from __future__ import annotations
 
 import numpy as np
 

@@ -1,14 +1,10 @@
-"""Write the frozen problems of the benchmark: `python -m experiments.generators.benchmark_answers [--output FOLDER]`.
+"""Write the frozen problems of the benchmark: `python -m experiments.generators.benchmark_answers [--output FOLDER]` (two core-minutes).
 
-The scenes and the answers of five problems are those of experiments/speed/problems.py, except that the empty room has image sources of up
-to ORDERS bounces. The sixth problem holds the full-wave rooms: thirty seeded rooms of experiments/validation/oracles/furnished.py, and nine
-rooms of the project's reference data. The reference data lie beside the checkout, and the script needs them. No answer uses
-RadarTwin's tracer. The script takes about two minutes on one core.
-
-Raise VERSION whenever an answer, a scene or the score changes. Raise the first number of VERSION if old and new scores cannot be compared.
+Five problems are those of experiments/speed/problems.py, but the empty room has image sources of up to ORDERS bounces. The sixth holds the
+full-wave rooms: thirty seeded ones (experiments/validation/oracles/furnished.py), and nine of the project's reference data, which must lie
+beside the checkout. No answer uses RadarTwin's tracer. Raise VERSION whenever an answer, a scene or the score changes, and its first number
+if old and new scores cannot be compared.
 """
-
-from __future__ import annotations
 
 import argparse
 import hashlib
@@ -25,7 +21,6 @@ from experiments.validation.oracles import fullwave, furnished
 from radartwin.benchmark import frozen_problems
 from radartwin.features.profile import FAR_M, NEAR_M
 from radartwin.io import files
-from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene
 from radartwin.scene.storage import material_to_json
 
@@ -36,39 +31,23 @@ GATE_M = (NEAR_M, FAR_M)  # range gate of the features of the study
 # The full-wave fields lack the waves from the upper and lower ends of the walls, 1.6 m above and below the radar.
 FULL_WAVE_GATE_M = (fullwave.NEAR_M, fullwave.FAR_M)
 # For each problem: the method of the answer, the signal error of the answer, and how this error is known (docs/benchmark.md).
+FIELDS = "two-dimensional full wave (method of moments), converted to point sources"
 RESTS_ON = {
     "canonical": (
-        "Mie series (sphere); series and Fresnel integral (cylinder); physical optics by near-field quadrature (plate, trihedral)",
-        0.07,
+        "Mie series (sphere); series and Fresnel integral (cylinder); physical optics by near-field quadrature (plate, trihedral)", 0.07,
         "rms of the four targets: sphere 1e-6 (series); cylinder 4e-3 (finite length); plate 0.021 and trihedral 0.144 (physical optics "
         "against the method of moments on the same sections in two dimensions)",
     ),
-    "near": (
-        "physical optics by near-field quadrature, all orders of the three faces",
-        0.06,
-        "physical optics against the method of moments on the same section in two dimensions",
-    ),
+    "near": ("physical optics by near-field quadrature, all orders of the three faces", 0.06,
+             "physical optics against the method of moments on the same section in two dimensions"),
     "empty_room": (
-        f"image sources of up to {ORDERS} bounces, vector reflection at each wall",
-        1e-3,
+        f"image sources of up to {ORDERS} bounces, vector reflection at each wall", 1e-3,
         "truncation 2e-4; reflection coefficients at the centre of the sweep 2e-4; curvature of the wave 3e-4 per bounce (an estimate)",
     ),
-    "object_in_room": (
-        "two-dimensional full wave (method of moments), converted to point sources",
-        0.02,
-        "discretisation 2e-3, conversion 4e-3, upper and lower ends of the box 0.02",
-    ),
-    "furnished_drive": (
-        "two-dimensional full wave (method of moments), converted to point sources",
-        0.005,
-        "discretisation 2e-3, conversion 4e-3",
-    ),
-    ROOMS: (
-        "two-dimensional full wave (method of moments), converted to point sources",
-        0.02,
-        "discretisation 2e-3 (thirty seeded rooms) or 0.02 (nine given rooms), conversion 4e-3",
-    ),
-}
+    "object_in_room": (FIELDS, 0.02, "discretisation 2e-3, conversion 4e-3, upper and lower ends of the box 0.02"),
+    "furnished_drive": (FIELDS, 0.005, "discretisation 2e-3, conversion 4e-3"),
+    ROOMS: (FIELDS, 0.02, "discretisation 2e-3 (thirty seeded rooms) or 0.02 (nine given rooms), conversion 4e-3"),
+}  # fmt: skip
 
 
 def rooms() -> speed.Problem:
@@ -110,9 +89,13 @@ def arrays_and_entry(problem: speed.Problem) -> tuple[dict[str, np.ndarray], dic
     key = problem.name.replace(" ", "_")
     rests_on, known, by = RESTS_ON[key]
     gate = FULL_WAVE_GATE_M if problem.truth == speed.MOMENTS else GATE_M
+    radar = problem.parts[0].radar
+    names = ("start_frequency_hz", "slope_hz_per_s", "sample_rate_hz", "num_samples", "frame_rate_hz", "chirp_interval")
+    ends = {"tx_positions_m": radar.tx_positions_m[0], "rx_positions_m": radar.rx_positions_m[0]}
+    described = {name: getattr(radar, name) for name in names} | {name: list(map(float, place)) for name, place in ends.items()}
     entry = {
         "title": problem.title, "file": f"{key}.npz", "rests_on": rests_on, "known_error": known, "known_by": by,
-        "gate_m": list(gate), "radar": _radar(problem.parts[0].radar), "scenarios": scenarios,
+        "gate_m": list(gate), "radar": described, "scenarios": scenarios,
     }  # fmt: skip
     return arrays, entry
 
@@ -124,12 +107,6 @@ def _scene_arrays(name: str, scene: Scene) -> dict[str, np.ndarray]:
         for kind, array in (("vertices", mesh.vertices), ("faces", mesh.faces.astype(np.int32)), ("normals", mesh.vertex_normals)):
             out[f"{name}/surface_{number}/{kind}"] = np.array(array)
     return out
-
-
-def _radar(radar: Radar) -> dict[str, Any]:
-    names = ("start_frequency_hz", "slope_hz_per_s", "sample_rate_hz", "num_samples", "frame_rate_hz", "chirp_interval")
-    ends = {"tx_positions_m": radar.tx_positions_m[0], "rx_positions_m": radar.rx_positions_m[0]}
-    return {name: getattr(radar, name) for name in names} | {name: list(map(float, place)) for name, place in ends.items()}
 
 
 def main() -> None:

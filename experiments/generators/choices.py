@@ -2,17 +2,11 @@
 
     python -m experiments.generators.choices            writes experiments/recognition/recognition_choices.json in about half a core-hour
 
-The recordings are those of the testbed's draw DRAW. The objects as made, rooms, radar boards and motions of this draw differ from those of
-the reported draws 0 to 9. Each candidate is trained on copies of simulated revolutions. The trained candidate classifies the measured
-revolutions of this draw in three ways, and gets an accuracy for each: without labels, by the nearest class centroid of all other
-recordings, and by the nearest class centroid of a few labelled revolutions. The script chooses the kind of copies for which the two-layer
-network has the highest mean of the first two accuracies. For this kind of copies, it chooses one learner by the first accuracy and one
-learner by the second accuracy. The script also chooses the share of labelled rows for a training on simulated and labelled rows together.
-With 48 recordings, an accuracy of 0.4 has a standard error of 0.07, so the choice between candidates of similar accuracy is uncertain. The
-output file lists the scores and the recordings. The file also contains settings that were chosen without these recordings.
+Each candidate is trained on copies of simulated revolutions, and classifies the measured revolutions of draw DRAW without labels, by the
+nearest centroid of other recordings, and by that of a few labelled revolutions. The network's mean of the first two accuracies chooses the
+kind of copies; each of them then chooses a learner. With 48 recordings, an accuracy of 0.4 has a standard error of 0.07, so the choice
+between similar candidates is uncertain. The file also contains settings that were chosen otherwise.
 """
-
-from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
@@ -26,21 +20,19 @@ from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import MEASURED, Case
 from experiments.campaign.frame import shared, stored
 from experiments.campaign.truth import root_of
+from experiments.interface import Config, Progress, Store
 from experiments.recognition.copies import copies
 from experiments.recognition.encoder_comparison import METHODS, NETWORK, RAW, TREES, fit_method, fit_with_labels
 from experiments.recognition.protocol import scaled, seeds
 from experiments.recognition.randomisation_ablation import ALL, NOISE_ONLY, QUANTITIES, copied_as
 from experiments.recognition.readings import MOTION, revolutions
 from radartwin.config.compose import compose
-from radartwin.config.config import Config
 from radartwin.io import files
-from radartwin.io.progress import Progress
 from radartwin.recognize.learners import LEARNERS
 from radartwin.recognize.learners.interface import Reads
 from radartwin.recognize.probes import leave_one_out_centroid, nearest_centroid
 from radartwin.recognize.samples import Samples
 from radartwin.recognize.split import draw_shots
-from radartwin.store.products import Store
 
 DRAW = 500
 SHOTS = (1, 2, 4)
@@ -98,11 +90,7 @@ def scores(config: Config, store: Store, progress: Progress) -> list[dict[str, A
 
 
 def selected(rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """Return the chosen kind of copies, and the chosen method for each of the two accuracies CHOSEN_BY.
-
-    The network has the highest mean of both accuracies with the chosen kind of copies. With these copies, each chosen method has the
-    highest value of its accuracy.
-    """
+    """Return the kind of copies of the network with the best mean of both accuracies, and with these copies each best method."""
     network = {row["copies"]: float(np.mean([row[probe] for probe in CHOSEN_BY])) for row in rows if row.get("method") == NETWORK}
     kind = max(network, key=lambda name: network[name])
     trained = [row for row in rows if row["copies"] == kind and "method" in row]
@@ -110,9 +98,7 @@ def selected(rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
 
 
 def chosen_share(rows: Sequence[Mapping[str, Any]]) -> float:
-    """Return the share of labelled training rows with the highest mean accuracy over all numbers of labels. If several shares are equal in
-    accuracy, the smallest is returned.
-    """
+    """Return the smallest share of labelled training rows with the highest mean accuracy over all numbers of labels."""
     of_shares = [row for row in rows if "labelled share" in row]
     return max(of_shares, key=lambda row: round(float(np.mean([row[f"{shots} labels per class"] for shots in SHOTS])), 2))["labelled share"]
 

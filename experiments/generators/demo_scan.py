@@ -3,8 +3,6 @@
 The script keeps the triangles of a .glb and reduces its pictures to SCALE of their width and height, so that the file is below 1 MB.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -8,8 +8,6 @@ The testbed records each object as in repeatability.py, but with a person who st
 recordings, and no learner is chosen by them.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

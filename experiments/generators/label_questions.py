@@ -1,18 +1,12 @@
-"""Write the questions about surface materials again. The package contains recorded answers of the vision-language model to these questions.
+"""Write the questions about surface materials again, to which the package has recorded answers of the vision-language model.
 
     python -m experiments.generators.label_questions lab --out FOLDER
     python -m experiments.generators.label_questions lab --answers FILE --model NAME --about TEXT
 
-The script scans and reconstructs a room in the same way as when its answers were recorded (simulated phone scan, strength 1, seed 0). Two
-rooms are real scans: the chair, in two forms (camera frames and exported mesh), and the furnished room of `radartwin demo`. Questions and
-pictures are written as by the command `radartwin label SCENE --export`. The script prints for which share of the surface area a recorded
-answer has the same hash of question and pictures, and for which share there is a recorded answer about a surface at the same place. The
-pictures of a scan differ in single bytes between types of processors, so that the first share can be near zero on another type of processor
-than the recording one. With the option `--answers`, the script replaces the recorded answers of the room by those in a file, which has the
-format of the command `radartwin label SCENE --import`.
+The room is scanned as when its answers were recorded (strength 1, seed 0); the chair and the furnished room are real scans. The script
+prints for which share of the area a recorded answer has the same hash of question and pictures (pictures differ in single bytes between
+types of processors), or is about a surface at the same place. With `--answers`, it replaces the recorded answers.
 """
-
-from __future__ import annotations
 
 import argparse
 import tempfile
@@ -57,9 +51,7 @@ def exact(room: str, questions: Sequence[Question]) -> float:
 
 
 def answered(room: str, questions: Sequence[Question]) -> float:
-    """Return the share of the questions, weighted by surface area, for which there is a recorded answer: to the same question, or about the
-    surface at the same place.
-    """
+    """Return the share of the questions, by area, with a recorded answer to the same question or about the same place."""
     return _share(questions, {question.id for question, _ in Recorded(shipped(room)).answers(questions)})
 
 
@@ -71,12 +63,8 @@ def _share(questions: Sequence[Question], ids: set[str]) -> float:
 def replace_answers(room: str, questions: Sequence[Question], answers: Path, model: str, about: str, to: Path = SHIPPED) -> Path:
     """Replace the recorded answers about a room by those in the file `answers`, and return the path of the written file.
 
-    Args:
-        model: name of the model or person that answered.
-        about: text that states model, date and method of the answers.
-        to: folder of the recorded answers of all rooms.
-    Raises:
-        LabelError: an answer is invalid, or a question has no answer. The recorded answers are then unchanged.
+    `model` is the model or person that answered, and `about` states the date and method. Raises LabelError if an answer is invalid or
+    missing; the recorded answers are then unchanged.
     """
     records = read_answers(answers, questions, model)
     missing = sorted({question.id for question in questions} - {record.key[:12] for record in records})

@@ -9,8 +9,6 @@ limits of this size, simulator=auto would accept a simulation without a room. Th
 a pooled limit for unknown objects. The standard deviation of so few recordings is uncertain by a third, so the limits include a margin.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -20,13 +18,11 @@ import numpy as np
 
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import BENCH_ROOM, RAIL, Case, Motion
+from experiments.interface import Config, Progress, Store
 from radartwin.adaptive import limits
 from radartwin.config.compose import compose
-from radartwin.config.config import Config
 from radartwin.features import families
 from radartwin.io import files
-from radartwin.io.progress import Progress
-from radartwin.store.products import Store
 
 REPEATS = 5
 DRAW = 501  # draw of the testbed that no table reports and that choices.py does not use

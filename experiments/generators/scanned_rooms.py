@@ -6,8 +6,6 @@ The geometry is that of the reconstruction, bit by bit. The pictures of the surf
 files have 68 to 294 kB instead of 0.3 to 1.0 MB. JPEG has no transparency, so that a viewer does not hatch the unscanned parts.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import io

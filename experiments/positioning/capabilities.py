@@ -4,8 +4,6 @@ simulates no whole recording.
 A check returns two values: the content of the system's cell in the table, and whether this content agrees with the paper's cell.
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable
 from functools import partial
@@ -42,23 +40,13 @@ def _traced(simulator: Backend, scene: Scene) -> list[Paths]:
         return simulator.paths(scene, RADAR, place[None])
 
 
-def _bounces(simulator: Backend) -> int:
-    return max(int(part.bounces.max()) for part in _traced(simulator, _box()))
-
-
-def _materials_matter(simulator: Backend) -> bool:
-    """Return whether a simulated metal room returns more power than the same room of wood."""
-    metal, wood = (sum(float(np.abs(p.amplitude).max()) for p in _traced(simulator, _box(m))) for m in ("metal", "wood"))
-    return metal > 1.5 * wood
-
-
 def _tracer() -> Backend:
     return backend("mitsuba", room="tubes", rays=50_000, max_bounces=BOUNCES)
 
 
 def _multipath(simulator: Callable[[], Backend], bounces: int | None = None) -> tuple[str, bool]:
     """Check that paths have more than one bounce, or the given largest number of bounces."""
-    most = _bounces(simulator())
+    most = max(int(part.bounces.max()) for part in _traced(simulator(), _box()))
     return (f"yes ({most}-bounce)" if most > 1 else "no (1-bounce)"), most > 1 if bounces is None else most == bounces
 
 
@@ -125,7 +113,9 @@ def _targets() -> tuple[str, bool]:
 
 
 def _per_surface(simulator: Callable[[], Backend], words: str, matters: bool) -> tuple[str, bool]:
-    per_surface = _materials_matter(simulator())
+    """Check whether a metal room returns more power than the same room of wood."""
+    metal, wood = (sum(float(np.abs(p.amplitude).max()) for p in _traced(simulator(), _box(m))) for m in ("metal", "wood"))
+    per_surface = metal > 1.5 * wood
     return (words if per_surface == matters else "per surface" if per_surface else "uniform"), per_surface == matters
 
 

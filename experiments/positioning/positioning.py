@@ -1,26 +1,19 @@
 """Compare RadarTwin with other radar simulation systems: the paper's Table 1, the source of every cell, and checks of our own cells.
 
-The cells of other systems are copied from the paper, and the first source of every cell is the paper's table (`tab:positioning`). The
-constant SAID adds quotations from the paper's text. The cells "yes", "partly", "no" and "-" stand for the marks in the paper's table:
-present, partly present, absent, and not applicable. RadarTwin's row holds the results of the checks in `capabilities`; a cell of this row
-is empty if its check fails. Sionna RT and the re-implemented RF-Genesis also run here, so two cells of each of these systems are checked.
-The verdict of a row is "holds" if every checked cell agrees with the paper. The paper claims that no other system has all capabilities.
-The last row of the table counts the systems with all capabilities among the paper's own cells.
+The cells of other systems are those of the paper's table (`tab:positioning`): "yes", "partly", "no" and "-" (not applicable). SAID adds
+quotations from the paper's text. A cell of RadarTwin's row is empty if its check in `capabilities` fails; two cells of Sionna RT and of the
+re-implemented RF-Genesis, which also run here, are checked too. A row "holds" if every checked cell agrees with the paper. The paper claims
+that no other system has all capabilities; the last row counts those that have, among the paper's own cells.
 """
-
-from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
 
 from experiments import verdicts
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.positioning import capabilities
 from experiments.statistics import exact
-from radartwin.config.config import Config
-from radartwin.io.progress import Progress
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
 
 AXES = ("mechanism", "scene input", "material model", "multipath", "real scene", "no RF data", "target")
 TICKS = ("multipath", "real scene", "no RF data")

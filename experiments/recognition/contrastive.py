@@ -1,43 +1,36 @@
 """Contrastive alignment of simulated radar features with text, tested by linear classifiers (probes) on embeddings of measured recordings.
 
-The encoder (a neural network) is trained to align simulated rotation features with MiniLM text embeddings of the objects' descriptions. The
-trained encoder then embeds measured features, and a probe predicts geometry class and material class of each measured recording. Two kinds
-of probes (linear classifiers) are trained. The first is trained on all recordings except the tested one, also on those of the tested
-object; this is one interpretation of the paper. The second is trained on other objects only. Classes have equal weight in the accuracy, so
-the chance level is one over the number of classes. Paper: contrastive sim-real alignment, geometry 85 % (chance 50), material 40 % (chance
-33). An encoder trained on simulation alone is exported as a model for `radartwin classify`. The features of the exported model exclude
-brightness, because the gain of a user's radar is unknown.
+The encoder aligns simulated rotation features with MiniLM embeddings of the objects' descriptions. Probes predict geometry and material of
+each measured recording, trained on all other recordings (an interpretation of the paper) or on other objects only. Classes have equal
+weight. Paper: geometry 85 % (chance 50), material 40 % (chance 33). An encoder trained on simulation alone is exported for `radartwin
+classify`, without brightness, because the gain of a user's radar is unknown.
 """
 
-from __future__ import annotations
-
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.campaign.cases import MEASURED
 from experiments.campaign.frame import Frame
-from experiments.cells import Cell, first_draw, keys, table_rows
+from experiments.cells import Cell, first_draw, keys
 from experiments.draws import Query
+from experiments.framed import Figures, framed, with_copies
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.recognition.copies import Copied
 from experiments.recognition.plots import bars, embedding_map, grouped, values
-from experiments.recognition.protocol import GEOMETRY, MATERIAL, Scored, anchors, correct, encoders, read, scaled, settings
-from experiments.recognition.readings import FEATURES, MOTION, revolutions, without
-from experiments.verdicts import NONE, Claim
-from radartwin.config.config import Config
+from experiments.recognition.protocol import GEOMETRY, MATERIAL, Scored, anchors, correct, encoders, scaled, settings
+from experiments.recognition.readings import FEATURES, TURNTABLE, revolutions, without
+from experiments.verdicts import NONE, Claim, Row
 from radartwin.config.trajectory import TurntableTrajectory
 from radartwin.features.families import BRIGHTNESS
-from radartwin.io.progress import Progress
 from radartwin.recognize.model import Recogniser
 from radartwin.recognize.probes import linear_probe, repeatability
-from radartwin.recognize.samples import Samples, join
+from radartwin.recognize.samples import join
 from radartwin.recognize.split import Split, draw_shots, label_free
 from radartwin.recognize.training import fit
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
 
 TABLE = Table(
     name="contrastive",
@@ -51,31 +44,19 @@ PAPER = {"geometry": "0.85", "material": "0.40"}
 EXPORT_WITHOUT = ("brightness",)
 
 
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    frame, copied = read(Query(config, (MOTION,), several=True), store, progress)
-    return replace(score(config, frame, copied), models={"recogniser": export(config, first_draw(frame), copied)})
-
-
-def score(config: Config, frame: Frame, copied: Copied) -> Result:
-    """Build the table for each attribute (geometry, material), left-out group and method."""
-    embedded: list[Samples] = []
-    rows = table_rows(config, frame, partial(cells, config, copied, embedded))
-    groups = grouped(rows, lambda row: f"{row['attribute']},\nother {row['left out']}s", metric="balanced accuracy")
-    figures = {
-        "contrastive": lambda: bars(groups, "balanced accuracy", grey=RAW),
-        "contrastive_map": lambda: embedding_map(embedded[0], GEOMETRY, "first seed"),
-    }
-    return Result(TABLE.name, rows, figures, values(groups), keys(frame))
-
-
-def cells(config: Config, copied: Copied, embedded: list[Samples], frame: Frame) -> Iterator[Cell]:
-    """Declare the cells of one draw, and add its recordings in the space of the first encoder to `embedded`."""
-    split = _split(config, scaled(copied(config, frame)), scaled(revolutions(frame)))
+def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of one draw. The panel of a row has the recordings in the space of the first encoder."""
+    simulated, measured = scaled(copied(config, frame)), scaled(revolutions(frame))
+    split = label_free(simulated, measured)
+    if (supervision := config.supervision).mode == "few_shot":
+        known, rest = draw_shots(measured, supervision.shots, config.seed)
+        split = Split("few_shot", join(simulated, known), rest, supervision.shots)
     trained = encoders(config, split)
-    embedded.append(join(trained[0].embedded(split.simulated.per_recording()), trained[0].embedded(split.test)))
+    panel = join(trained[0].embedded(split.simulated.per_recording()), trained[0].embedded(split.test))
     for attribute, classes in (("geometry", GEOMETRY), ("material", MATERIAL)):
         for left_out, groups in (("recording", split.test.source), ("object", split.test.label)):
-            scored = _several_objects(split.test, classes) if left_out == "object" else np.ones(len(split.test), bool)
+            objects = Counter(classes[label] for label in split.test.classes)  # an object is left out if its class has another one
+            scored = np.array([left_out == "recording" or objects[classes[label]] > 1 for label in split.test.label])
             truth = split.test.take(scored).relabelled(classes)
             if len(truth.classes) < 2:
                 continue
@@ -90,26 +71,11 @@ def cells(config: Config, copied: Copied, embedded: list[Samples], frame: Frame)
                     "method": method,
                 }
                 chance, hits = 1 / len(truth.classes), correct(predictions, truth.label)
-                yield Scored(config, truth, frame, chance).accuracy(case, hits, claim, True, predictions)
-
-
-def _split(config: Config, simulated: Samples, measured: Samples) -> Split:
-    if config.supervision.mode != "few_shot":
-        return label_free(simulated, measured)
-    known, rest = draw_shots(measured, config.supervision.shots, config.seed)
-    return Split("few_shot", join(simulated, known), rest, config.supervision.shots)
-
-
-def _several_objects(recordings: Samples, classes: dict[str, str]) -> NDArray[np.bool_]:
-    """Return a boolean mask (N,) of the recordings whose class contains at least two objects, so that one object can be left out."""
-    objects = {kind: {label for label in recordings.classes if classes[label] == kind} for kind in set(classes.values())}
-    return np.array([len(objects[classes[label]]) > 1 for label in recordings.label])
+                yield Scored(config, truth, frame, chance).accuracy(case, hits, claim, True, predictions, panel)
 
 
 def export(config: Config, frame: Frame, copied: Copied) -> Recogniser:
-    """Train a classifier of the campaign's objects on the simulation alone, whose noise is that of one draw. The features of the classifier
-    are scaled by their mean and spread over the simulated recordings.
-    """
+    """Train a classifier on the simulation alone. Its features are scaled by their mean and spread over the simulated recordings."""
     measured, copies = (without(rows, BRIGHTNESS) for rows in (revolutions(frame), copied(config, frame)))
     texts = anchors(copies.classes)
     trained = fit(label_free(scaled(copies), scaled(measured)), texts, settings(config), config.seed)
@@ -124,3 +90,23 @@ def export(config: Config, frame: Frame, copied: Copied) -> Recogniser:
         trained.encoder, classes, np.stack([texts[label] for label in classes]), settings(config).temperature, copies.names, features,
         copies.values.mean(axis=0), np.maximum(copies.values.std(axis=0), repeatability(copies.names)), provenance,
     )  # fmt: skip
+
+
+def _groups(rows: list[Row]) -> dict[str, dict[str, Any]]:
+    return grouped(rows, lambda row: f"{row['attribute']},\nother {row['left out']}s", metric="balanced accuracy")
+
+
+def _figures(rows: list[Row], first: Frame) -> Figures:
+    return {
+        "contrastive": lambda: bars(_groups(rows), "balanced accuracy", grey=RAW),
+        "contrastive_map": lambda: embedding_map(rows[0].panel, GEOMETRY, "first seed"),
+    }
+
+
+_, recordings, score = framed(TABLE, TURNTABLE, cells, _figures, lambda rows: values(_groups(rows)), copied=True)
+
+
+def run(config: Config, store: Store, progress: Progress) -> Result:
+    """Compute the table, and train the classifier that the run exports."""
+    frame, copied = with_copies(Query(config, **TURNTABLE), store, progress)
+    return replace(score(config, frame, copied), models={"recogniser": export(config, first_draw(frame), copied)})

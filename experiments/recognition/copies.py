@@ -1,12 +1,9 @@
 """Make randomised copies of simulated turntable revolutions, and read their feature rows.
 
-Each copy has random values of the quantities that the user of a simulation cannot know (radartwin.recognize.randomise). For each recording,
-`supervision.variants` random targets on random turntables are simulated alone in free space. The store keeps the echoes of the nominal and
-the random targets, and the feature rows and pictures of the copies. The noise power of the copies follows from target energies and noise
-floors of measured recordings, without their class labels.
+A copy has random values of the quantities that a user cannot know (radartwin.recognize.randomise): `supervision.variants` random targets on
+random turntables are simulated alone in free space for each recording, and the noise power follows from target energies and noise floors of
+measured recordings, without their labels. The store keeps the echoes, feature rows and pictures.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
@@ -17,8 +14,7 @@ from numpy.typing import NDArray
 
 from experiments.campaign.campaign import Call, Campaign
 from experiments.campaign.cases import MEASURED, TWIN, Case
-from experiments.campaign.frame import CONDITIONS, Frame, features, shared
-from experiments.campaign.source import RecordingSource
+from experiments.campaign.frame import CONDITIONS, Frame, RecordingSource, features, shared
 from experiments.recognition.readings import FEATURES, MOTION, cells, gathered, recording_name
 from radartwin.builders.radar import build_radar
 from radartwin.builders.simulator import fixed_simulator, simulator_options
@@ -51,12 +47,9 @@ Copied = Callable[..., Samples]  # `copies` of a store and its sources: configur
 
 
 def copies(store: Store, sources: Mapping[str, RecordingSource], config: Config, frame: Frame, kind: Reads = "features") -> Samples:
-    """Return feature vectors or pictures of `supervision.copies` copies of each simulated recording of a frame.
-
-    The simulated recordings are those of one simulation. The noise level of a copy comes from the measured recordings at the same distance.
-
-    Args:
-        sources: the campaign of each simulation, by its name in the column `twin` or `side`.
+    """Return feature vectors or pictures of `supervision.copies` copies of each simulated recording of a frame with one simulation. The
+    noise level of a copy comes from the measured recordings at the same distance. `sources` has the campaign of each simulation, by its
+    name in the column `twin` or `side`.
     """
     simulated, measured = frame[frame.domain != MEASURED], frame[frame.domain == MEASURED]
     source, noise = sources[simulated.twin.iloc[0] or simulated.side.iloc[0]], {}

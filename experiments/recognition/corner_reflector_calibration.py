@@ -6,31 +6,22 @@ echoes of the room dominate at angles where the reflector's echo is weak. Paper 
 calibration, metal objects agree with the measurement, dielectric objects stay too dim, and liquid-filled containers are the dimmest.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from experiments.campaign.cases import COMPARED, REFLECTOR
 from experiments.campaign.frame import Frame, balanced, by_revolution
-from experiments.cells import Cell, first_draw, paired, table_rows, using
-from experiments.drawing import legend_above
-from experiments.draws import Query
+from experiments.cells import Cell, paired, using
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure, legend_above
+from experiments.framed import framed
 from experiments.recognition.readings import MOTION, reflector
 from experiments.statistics import clustered, difference, exact
 from experiments.verdicts import NONE, Claim, within
 from radartwin.config.config import Config
 from radartwin.features.families import BRIGHTNESS
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
-from radartwin.runs.experiment import Result, Table
+from radartwin.runs.experiment import Table
 from radartwin.scene.objects.catalogue import catalogue
-from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="corner_reflector_calibration",
@@ -48,22 +39,7 @@ ERROR = "measured - simulated (dB)"
 LEAST_DB = 1.0  # smallest difference of brightness that counts as an effect
 
 
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Query(config, MOTIONS).frame(store, progress))
-
-
-def score(config: Config, frame: Frame) -> Result:
-    """Build rows of the calibration offset, of each material's error before and after calibration, and of filled bottles minus other
-    materials.
-    """
-    rows = table_rows(config, frame, cells)
-    after = {row["materials"]: row["value"] for row in rows if row["metric"] == ERROR and row["method"] == AFTER}
-    metrics = {f"residual_db_{kind.replace(' ', '_')}": value for kind, value in after.items()}
-    recordings = sorted(frozenset().union(*(row.recordings for row in rows)))
-    return Result(TABLE.name, rows, {TABLE.name: lambda: _figure(errors(first_draw(frame)))}, metrics, recordings)
-
-
-def cells(frame: Frame) -> Iterator[Cell]:
+def cells(config: Config, frame: Frame) -> Iterator[Cell]:
     """Declare the cells of one draw."""
     of, scored, offset = balanced(frame), errors(frame), exact(offset_db(frame), 1)
     case = {"materials": "reflector", "feature": BRIGHTNESS, "method": "the map"}
@@ -93,10 +69,7 @@ def offset_db(frame: Frame) -> float:
 
 
 def errors(frame: Frame) -> Frame:
-    """Return the measured less the simulated brightness of each measured revolution (columns BEFORE and AFTER), without the reflector.
-
-    The column `kind` is metal, ceramic, plastic or filled plastic.
-    """
+    """Return the measured less the simulated brightness (BEFORE, AFTER) and the `kind` of each revolution, without the reflector."""
     compared = balanced(frame)
     pairs = paired(by_revolution(compared[compared.object != REFLECTOR]))
     before = pairs[BRIGHTNESS] - pairs[f"{BRIGHTNESS}_twin"]
@@ -105,9 +78,7 @@ def errors(frame: Frame) -> Frame:
 
 
 def _figure(scored: Frame) -> Figure:
-    """Draw the echo power error of every recording before and after calibration, by object. The objects on the horizontal axis are
-    sorted by material.
-    """
+    """Draw the echo power error of every recording before and after calibration, by object, sorted by material."""
     drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=2.9, sharey=False)
     kinds = dict(zip(scored.object, scored.kind, strict=True))
     objects = sorted(kinds, key=lambda name: (kinds[name], name))
@@ -124,3 +95,8 @@ def _figure(scored: Frame) -> Figure:
         panel.set(title=when, ylabel="measured - simulated brightness (dB)")
     legend_above(drawing, panels[0], 4)
     return drawing
+
+
+FIGURES = {TABLE.name: lambda first: _figure(errors(first))}
+METRICS = {"residual_db_{materials}": {"metric": ERROR, "method": AFTER}}
+run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, FIGURES, METRICS, named=True)

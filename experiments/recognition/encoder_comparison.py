@@ -1,22 +1,12 @@
-"""Encoder comparison: which learner is most accurate after training on simulation, without labels and with a few labelled measured
-revolutions?
+"""Encoder comparison: which learner is most accurate after training on simulation, without and with a few labelled measured revolutions?
 
-All learners are trained on the same copies of simulated turntable revolutions, and classify the same measured revolutions. The two-layer
-network of the paper and gradient-boosted trees read the rotation features. The convolutional network reads pictures of a revolution. The
-two-layer network is trained towards two kinds of texts: how an object's echo varies over a revolution (as in the paper), and its looks.
-
-Without labelled measured revolutions, the class that a learner predicts is the result. With k labelled measured revolutions per class, the
-predicted class is that whose labelled revolutions have the nearest centroid in the embedding of the learner. Two further networks use the
-labels in their training: one network is trained on the labelled revolutions alone, and the other network on these revolutions and the
-simulation. Labelled revolutions come from one half of each object's recordings, and the other half is scored. The largest k depends on the
-number of revolutions of a recording (profile.campaign.turns). The probe "other recordings" uses the labels of all recordings except the one
-that it classifies. The other recordings of the same object are at other distances.
+All learners are trained on the same copies of simulated revolutions. Without labels, the class that a learner predicts counts; with k
+labels per class, the class with the nearest centroid of labelled revolutions in the embedding. Two further networks learn from the labels
+alone, and from these and the simulation. Labelled revolutions come from one half of each object's recordings, and the other half is scored.
+"other recordings" uses the labels of all recordings except the one that it classifies.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,37 +14,24 @@ from numpy.typing import NDArray
 
 from experiments.campaign.cases import MEASURED
 from experiments.campaign.frame import Frame
-from experiments.cells import Cell, keys, table_rows
-from experiments.draws import Query
+from experiments.cells import Cell
+from experiments.framed import Figures, framed
+from experiments.recognition import protocol
 from experiments.recognition.copies import Copied
 from experiments.recognition.plots import bars, grouped, label_curve, values
-from experiments.recognition.protocol import (
-    ECHOES,
-    LOOKS,
-    RECORDINGS,
-    Scored,
-    anchors,
-    correct,
-    has_other_recordings,
-    read,
-    scaled,
-    seeds,
-    settings,
-)  # fmt: skip
-from experiments.recognition.readings import MOTION, revolutions
-from experiments.verdicts import NONE, Claim
+from experiments.recognition.protocol import ECHOES, LOOKS, RECORDINGS, correct, seeds
+from experiments.recognition.readings import TURNTABLE, revolutions
+from experiments.verdicts import NONE, Claim, Row
 from radartwin import plugins
 from radartwin.config.config import Config
 from radartwin.config.plugged import code_of
-from radartwin.io.progress import Progress
 from radartwin.recognize.learners import LEARNERS, Fitted, learner
 from radartwin.recognize.learners.interface import Reads
 from radartwin.recognize.probes import leave_one_out_centroid, nearest_centroid
 from radartwin.recognize.samples import Samples, join
 from radartwin.recognize.score import uniform_chance
 from radartwin.recognize.split import Split, draw_shots, label_free, most_shots
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
+from radartwin.runs.experiment import Table
 
 TABLE = Table(
     name="encoder_comparison",
@@ -89,28 +66,12 @@ def identity() -> dict[str, Any]:
     return {"encoders": code} if code else {}
 
 
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, *read(Query(config, (MOTION,), several=True), store, progress))
-
-
-def score(config: Config, frame: Frame, copied: Copied) -> Result:
-    """Build the table of every learner."""
-    rows = table_rows(config, frame, partial(cells, config, copied))
-    curves = grouped([row for row in rows if row["labels per class"] != RECORDINGS], "method", "labels per class")
-    unlabelled = {"no labels": {method: of[0] for method, of in curves.items() if 0 in of}}
-    figures = {
-        "encoder_comparison": lambda: bars(unlabelled, "accuracy", grey=TREES),
-        "label_efficiency": lambda: label_curve(curves, rows[0]["chance"]),
-    }
-    return Result(TABLE.name, rows, figures, values(unlabelled), keys(frame))
-
-
 def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
     """Declare the cells of one draw."""
-    measured: dict[Reads, Samples] = {"features": scaled(revolutions(frame)), "pictures": revolutions(frame, "pictures")}
-    copies: dict[Reads, Samples] = {"features": scaled(copied(config, frame)), "pictures": copied(config, frame, "pictures")}
+    measured: dict[Reads, Samples] = {"features": protocol.scaled(revolutions(frame)), "pictures": revolutions(frame, "pictures")}
+    copies: dict[Reads, Samples] = {"features": protocol.scaled(copied(config, frame)), "pictures": copied(config, frame, "pictures")}
     truth = measured["features"]
-    scored = Scored(config, truth, frame, uniform_chance(truth))
+    scored = protocol.Scored(config, truth, frame, uniform_chance(truth))
     embedded = {}
     for method, (kind, _) in methods().items():
         fitted, rows = fit_method(config, method, copies, measured), measured[learner(kind).reads]
@@ -123,7 +84,7 @@ def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
         case = {"supervision": "few_shot", "labels per class": shots}
         hits = few_shot_hits(config, embedded, truth, shots, int(frame.draw[frame.domain == MEASURED].iloc[0]), copies["features"])
         yield from scored.compared(case, hits, dict.fromkeys([(JOINT, RAW), (JOINT, SCRATCH)], Claim("simulation helps at equal labels")))
-    if has_other_recordings(truth):  # the table labelled_probe has the accuracies of NETWORK and RAW, and their difference
+    if protocol.has_other_recordings(truth):  # the table labelled_probe has the accuracies of NETWORK and RAW, and their difference
         hits = {
             method: correct([leave_one_out_centroid(space, space.source) for space in spaces], truth.label)
             for method, spaces in embedded.items()
@@ -135,27 +96,22 @@ def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
 
 
 def fit_method(config: Config, method: str, copies: Mapping[Reads, Samples], measured: Mapping[Reads, Samples]) -> list[Fitted]:
-    """Train the learner of a method on scaled rows of copies, once for each seed. Boosted trees use no random numbers, so they are trained
-    once.
-    """
+    """Train the learner of a method on scaled rows of copies, once for each seed; boosted trees use no random numbers."""
     kind, text = methods()[method]
-    method_learner = learner(kind)
-    split, texts = label_free(copies[method_learner.reads], measured[method_learner.reads]), anchors(measured["features"].classes, text)
-    return [method_learner.fit(split, texts, settings(config), seed) for seed in (seeds(config)[:1] if kind == "trees" else seeds(config))]
+    fitted, texts = learner(kind), protocol.anchors(measured["features"].classes, text)
+    split, numbers = label_free(copies[fitted.reads], measured[fitted.reads]), seeds(config)
+    return [fitted.fit(split, texts, protocol.settings(config), seed) for seed in (numbers[:1] if kind == "trees" else numbers)]
 
 
 def fit_with_labels(
     config: Config, simulated: Samples | None, known: Samples, rest: Samples, seed: int, share: float = LABELLED_SHARE
 ) -> Fitted:
-    """Train the two-layer network on labelled measured rows, and on simulated rows if there are any.
-
-    The labelled rows are repeated so that they are about `share` of the training rows.
-    """
+    """Train the network on labelled measured rows, repeated to about `share` of the training rows, and on simulated rows if any."""
     train, shots = known, len(known) // len(known.classes)
     if simulated is not None:
         times = max(1, round(share / (1 - share) * len(simulated) / len(known)))
         train = join(simulated, known.take(np.repeat(np.arange(len(known)), times)))
-    return LEARNERS["network"].fit(Split("few_shot", train, rest, shots), anchors(known.classes), settings(config), seed)
+    return LEARNERS["network"].fit(Split("few_shot", train, rest, shots), protocol.anchors(known.classes), protocol.settings(config), seed)
 
 
 def few_shot_hits(
@@ -177,3 +133,21 @@ def few_shot_hits(
         for method, rows in spaces.items():
             hits[method][number, scored] = nearest_centroid(rows.take(known), rows.take(scored)) == truth.label[scored]
     return hits
+
+
+def _curves(rows: Sequence[Row]) -> dict[str, dict[Any, Any]]:
+    return grouped([row for row in rows if row["labels per class"] != RECORDINGS], "method", "labels per class")
+
+
+def _unlabelled(rows: Sequence[Row]) -> dict[str, dict[str, Any]]:
+    return {"no labels": {method: of[0] for method, of in _curves(rows).items() if 0 in of}}
+
+
+def _figures(rows: list[Row], first: Frame) -> Figures:
+    return {
+        "encoder_comparison": lambda: bars(_unlabelled(rows), "accuracy", grey=TREES),
+        "label_efficiency": lambda: label_curve(_curves(rows), rows[0]["chance"]),
+    }
+
+
+run, recordings, score = framed(TABLE, TURNTABLE, cells, _figures, lambda rows: values(_unlabelled(rows)), copied=True)

@@ -1,65 +1,40 @@
 """Labelled probe: how much does an encoder trained on simulation alone help if the classes of some measured recordings are known?
 
-A probe classifies each measured turntable revolution by the nearest class centroid of other measured revolutions, in the space of the
-encoder's embeddings. For comparison, the same probe also classifies the features without the encoder. The difference shows how much the
-training of the encoder helps. Turntable revolutions of the same recording are nearly equal. The "other recordings" probe therefore leaves
-out all revolutions of the recording that is classified, so the remaining revolutions of the same object are at other distances. Paper
-(recognition with simulation-trained representations): 95.3 +- 1.5 % with encoder, 89.7 % with raw features and 90.1 % with an adapted
-RF-Genesis; at equal distance 95.3 % with encoder and 90.3 % with raw features. This table adds controls with shuffled class labels and
-shuffled domains, which the paper does not have. The table encoder_comparison has other learners and the accuracy with few labels.
-
-In the paper, about four objects stand at each distance and a recording has about twelve revolutions (chance at equal distance 24.8 %). The
-rows with the layout "as in the paper" use recordings with these numbers, from one draw of the testbed (profile.layout_turns). In all other
-rows, every object is recorded at every distance.
+A probe classifies each measured revolution by the nearest class centroid of other measured revolutions, among the encoder's embeddings and,
+for comparison, among the features. Revolutions of one recording are nearly equal, so "other recordings" leaves out the whole recording.
+Controls have shuffled classes and domains. Paper: 95.3 +- 1.5 % with encoder, 89.7 % with raw features, 90.1 % with an adapted RF-Genesis;
+at equal distance 95.3 % and 90.3 %. Rows with the layout "as in the paper" have about four objects at each distance and twelve revolutions
+a recording (profile.layout_turns).
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.campaign.campaign import Call
 from experiments.campaign.cases import MEASURED, TWIN
-from experiments.campaign.frame import Frame, Wanted
-from experiments.campaign.schedule import RecordingTask
-from experiments.campaign.source import RecordingSource
-from experiments.cells import Cell, keys, table_rows
+from experiments.campaign.frame import Frame, RecordingSource, Wanted
+from experiments.cells import Cell
 from experiments.draws import Part, Query, numbers
-from experiments.recognition import copies
+from experiments.framed import Figures, framed
+from experiments.recognition import copies, protocol
 from experiments.recognition.copies import Copied
-from experiments.recognition.plots import Panels, bars, confusions, grouped, values
-from experiments.recognition.protocol import (
-    RECORDINGS,
-    Scored,
-    anchors,
-    correct,
-    count_sources,
-    encoders,
-    has_other_recordings,
-    read,
-    scaled,
-    seeds,
-    settings,
-    statistics_columns,
-)  # fmt: skip
+from experiments.recognition.plots import bars, confusions, grouped, values
+from experiments.recognition.protocol import RECORDINGS, Scored, correct, encoders, scaled
 from experiments.recognition.readings import MOTION, by_side, revolutions
 from experiments.statistics import share
-from experiments.verdicts import Claim
+from experiments.verdicts import Claim, Row
 from radartwin.config.config import Config
 from radartwin.config.simulator import RFGenesisSimulator
-from radartwin.io.progress import Progress
 from radartwin.recognize.encoder import Encoder, nearest_text
 from radartwin.recognize.probes import leave_one_out_centroid, logistic_regression
 from radartwin.recognize.samples import Samples, join
 from radartwin.recognize.score import uniform_chance
 from radartwin.recognize.split import as_domains, label_free, shuffled
 from radartwin.recognize.training import fit
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
+from radartwin.runs.experiment import Table
 
 TABLE = Table(
     name="labelled_probe",
@@ -86,9 +61,7 @@ CASE = {"supervision": "few_shot", "setting": "turntable, 12 objects"}
 
 
 def query(config: Config) -> Query:
-    """Return the recordings of the table: also those that RF-Genesis simulates, and those in the layout of the paper
-    (profile.layout_turns), which recording sets do not have.
-    """
+    """Return the recordings of the table: also those of RF-Genesis, and those of the testbed in the layout of the paper."""
     more, turns, measured = [Part(TWIN, rf_genesis(config), {"side": RIVAL})], config.profile.layout_turns, config.measured
     if turns and measured.provider == "testbed":
         profile = replace(config.profile, campaign=replace(config.profile.campaign, turns=turns))
@@ -97,18 +70,9 @@ def query(config: Config) -> Query:
     return Query(config, (MOTION,), several=True, side=PRETRAINED, unknown=True, more=more)
 
 
-def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
-    return query(config).recordings(store, progress)
-
-
 def calls(config: Config) -> list[Call]:
     """Return the simulations of the random targets for every compared simulation (experiments/shared_simulations.py)."""
     return [call for part in query(config).parts if part.domain == TWIN for call in copies.calls(part.config)]
-
-
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compute the table for the configured campaign, and for the same campaign simulated by RF-Genesis as a comparison."""
-    return score(config, *read(query(config), store, progress))
 
 
 def rf_genesis(config: Config) -> Config:
@@ -117,30 +81,15 @@ def rf_genesis(config: Config) -> Config:
     return replace(config, simulator=simulator)
 
 
-def score(config: Config, frame: Frame, copied: Copied) -> Result:
-    """Build the table of every probe and of the controls."""
-    panels: Panels = {}
-    rows = table_rows(config, frame, partial(cells, config, copied, panels))
-    groups = grouped([row for row in rows if row["probe"] in PROBES and not row.get("layout")], "probe")
-    figures = {
-        "labelled_probe": lambda: bars({probe.replace(", ", ",\n"): of for probe, of in groups.items()}, "accuracy", grey=RAW),
-        "labelled_probe_confusion": lambda: confusions(panels),
-    }
-    return Result(TABLE.name, rows, figures, values(groups), keys(frame))
-
-
-def cells(config: Config, copied: Copied, panels: Panels, frame: Frame) -> Iterator[Cell]:
-    """Declare the cells of one draw, and put the answers of the last probe in the first draw into `panels`."""
+def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of every probe and of the controls in one draw."""
     usual = frame[frame.side != LAYOUT]
     measured, sides = scaled(revolutions(usual)), by_side(usual)
     simulated = {method: scaled(copied(config, side)) for method, side in sides.items()}
     trained = {method: encoders(config, label_free(rows, measured)) for method, rows in simulated.items()}
-    probes = [probe for probe in PROBES if probe != RECORDINGS or has_other_recordings(measured)]
+    probes = [probe for probe in PROBES if probe != RECORDINGS or protocol.has_other_recordings(measured)]
     yield from _probed(config, usual, measured, trained, dict.fromkeys(probes, uniform_chance(measured)))
     yield from _controls(config, sides[PRETRAINED], measured, simulated[PRETRAINED])
-    if not panels:
-        spaces = {RAW: measured, PRETRAINED: trained[PRETRAINED][0].embedded(measured)}
-        panels |= {method: (measured.label, _predict(space, probes[-1])) for method, space in spaces.items()}
     layout = frame[(frame.side == LAYOUT) | (frame.domain != MEASURED)]
     if (layout.domain == MEASURED).any():
         truth = scaled(revolutions(layout))
@@ -155,22 +104,25 @@ def _probed(
     """Declare the accuracy of every method with each probe of `chances`, and the gain from training on simulation."""
     embedded = {RAW: [truth]} | {method: [encoder.embedded(truth) for encoder in of_seeds] for method, of_seeds in trained.items()}
     for probe, chance in chances.items():
-        hits = {method: correct([_predict(space, probe) for space in spaces], truth.label) for method, spaces in embedded.items()}
+        left_out = {"stratified": True} if probe == MATCHED else {}
+        answers = {
+            method: [leave_one_out_centroid(space, space.source if probe == RECORDINGS else None, **left_out) for space in spaces]
+            for method, spaces in embedded.items()
+        }
+        hits = {method: correct(of_seeds, truth.label) for method, of_seeds in answers.items()}
+        shown = (RAW, PRETRAINED) if probe == list(chances)[-1] and not layout else ()
+        panels = {method: (method, truth.label, answers[method][0]) for method in shown}
         figures, gain = PROBES[probe]
         claims = {method: Claim("", paper) for method, paper in figures.items()}
         claims[PRETRAINED] = Claim("measured revolutions are recognised", figures.get(PRETRAINED, ""))
         over_rival = Claim("training on our simulation is more accurate than on RF-Genesis", "+5.2 points" if probe == REVOLUTIONS else "")
         pairs = {(PRETRAINED, RAW): Claim("training on simulation beats the raw features", gain)}
         pairs |= {(PRETRAINED, method): over_rival for method in trained if method != PRETRAINED}
-        yield from Scored(config, truth, of, chance).compared(CASE | {"probe": probe, **(layout or {})}, hits, pairs, claims)
+        yield from Scored(config, truth, of, chance).compared(CASE | {"probe": probe, **(layout or {})}, hits, pairs, claims, panels=panels)
 
 
 def as_in_paper(source: RecordingSource) -> Wanted:
-    """Choose measured recordings so that each object stands at one distance, and some objects also at a second distance.
-
-    The number of objects with a second distance equals the number of distances. Twelve objects and four distances give four objects at each
-    distance.
-    """
+    """Choose measured recordings so that each object stands at one distance, and as many objects as there are distances at a second one."""
     cases = source.cases(MEASURED, motion=MOTION)
     objects, distances = sorted({case.object for case in cases}), sorted({case.distance_m for case in cases})
     count = len(distances)
@@ -179,18 +131,12 @@ def as_in_paper(source: RecordingSource) -> Wanted:
     return [(MEASURED, case) for case in cases if (case.object, case.distance_m) in places and case.repetition == 0]
 
 
-def _predict(samples: Samples, probe: str) -> NDArray[np.str_]:
-    return leave_one_out_centroid(samples, samples.source if probe == RECORDINGS else None, stratified=probe == MATCHED)
-
-
 def _controls(config: Config, of: Frame, measured: Samples, simulated: Samples) -> Iterator[Cell]:
-    """Declare the controls: shuffled class labels and shuffled domains, both expected at chance, and a linear classifier of the true
-    domains.
-    """
+    """Declare the controls with shuffled classes and shuffled domains (both expected at chance), and a linear classifier of the domains."""
     both = as_domains(join(simulated.per_recording(), measured))
-    texts, encoder_settings = anchors(measured.classes), settings(config)
+    texts, encoder_settings = protocol.anchors(measured.classes), protocol.settings(config)
     predictions, shuffled_domains, domains = [], [], []
-    for seed in seeds(config):
+    for seed in protocol.seeds(config):
         encoder = fit(label_free(shuffled(simulated, seed), measured), texts, encoder_settings, seed).encoder
         predictions.append(nearest_text(encoder, measured.unlabelled(), texts, encoder_settings.temperature))
         shuffled_domains.append(_domain_accuracy(shuffled(both, seed), seed))
@@ -200,20 +146,31 @@ def _controls(config: Config, of: Frame, measured: Samples, simulated: Samples) 
     yield Scored(config, measured, of, uniform_chance(measured)).control(case, shares)
     case = CASE | {"probe": "control", "method": "domains shuffled, linear probe"}
     yield Scored(config, both, of, 0.5).control(case, np.array(shuffled_domains), "balanced accuracy")
-    case = CASE | {"probe": "linear probe", "method": "simulated or measured"} | statistics_columns(len(both), 0.5, np.array(domains))
-    sources = count_sources(both)
+    case = (
+        CASE | {"probe": "linear probe", "method": "simulated or measured"} | protocol.statistics_columns(len(both), 0.5, np.array(domains))
+    )
+    sources = protocol.count_sources(both)
     estimate = share(float(np.sum(domains)) / len(domains) * (sources // 2), sources // 2)
     yield Cell(case, "balanced accuracy", of, estimate, count=sources)
 
 
 def _domain_accuracy(samples: Samples, seed: int) -> float:
-    """Train a linear classifier that separates measured from simulated rows, on half of the recordings.
-
-    Returns the balanced accuracy of the classifier on the recordings that were not used for training.
-    """
+    """Return the balanced accuracy of a linear classifier of the domains, trained on half of the recordings, on the other half."""
     from sklearn.metrics import balanced_accuracy_score
 
     order = np.random.default_rng([seed, 0xD0]).permutation(np.unique(samples.source))
     learned = np.isin(samples.source, order[: len(order) // 2])
     train, test = samples.take(learned), samples.take(~learned)
     return balanced_accuracy_score(test.label, logistic_regression().fit(train.values, train.label).predict(test.values))
+
+
+def _groups(rows: list[Row]) -> dict[str, dict[str, Any]]:
+    return grouped([row for row in rows if row["probe"] in PROBES and not row.get("layout")], "probe")
+
+
+def _figures(rows: list[Row], first: Frame) -> Figures:
+    groups = {probe.replace(", ", ",\n"): of for probe, of in _groups(rows).items()}
+    return {TABLE.name: lambda: bars(groups, "accuracy", grey=RAW), f"{TABLE.name}_confusion": lambda: confusions(rows)}
+
+
+run, recordings, score = framed(TABLE, query, cells, _figures, lambda rows: values(_groups(rows)), copied=True)

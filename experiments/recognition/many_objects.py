@@ -1,21 +1,16 @@
 """Many objects: what does training on simulation gain, if there are enough objects to decide it?
 
-The objects of the assortment (radartwin.scene.objects.assortment) turn on a turntable without a room, because a room does not change the
-features of a turntable. Each method classifies every measured revolution by the nearest centroid of its class: the raw features, and the
-embeddings of encoders trained on simulation alone. Without labels, the centroids are those of the simulated copies. With k labels, they are
-those of k measured revolutions, and only recordings of other distances are classified. A wrong model is the model of another object of the
-same kind, for example of another mug. The primary endpoint is the mean gain over 1, 2 and 4 labels. All trainings use the measured noise of
-the first draw, so that all draws share them.
-
-The objects are a sample of everyday objects, so tests exchange the methods, or the classes, of whole objects.
+The objects of the assortment (radartwin.scene.objects.assortment) turn without a room, which does not change the features of a turntable.
+Raw features, and embeddings of encoders trained on simulation alone, classify every measured revolution by the nearest centroid of its
+class: without labels that of the simulated copies, with k labels that of k measured revolutions, and then only recordings of other
+distances are classified. The primary endpoint is the mean gain over 1, 2 and 4 labels. All trainings use the measured noise of the first
+draw, so that all draws share them. The objects are a sample of everyday objects, so tests exchange the methods, or the classes, of whole
+objects.
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -27,37 +22,25 @@ from experiments.campaign.cases import MEASURED
 from experiments.campaign.frame import Frame, by_revolution, features
 from experiments.campaign.schedule import RecordingTask
 from experiments.cells import Cell, Estimator, first_draw, keys, mean, per, table_rows
-from experiments.recognition import labelled_probe
+from experiments.framed import with_copies
+from experiments.interface import Config, Progress, Result, Store, Table
+from experiments.recognition import labelled_probe, protocol
 from experiments.recognition.encoder_comparison import few_shot_hits
 from experiments.recognition.labelled_probe import PRETRAINED, RAW, RIVAL
 from experiments.recognition.plots import grouped, label_curve
-from experiments.recognition.protocol import (
-    GEOMETRY,
-    LEAST_GAIN,
-    MATERIAL,
-    SAME_MODELS,
-    at_chance,
-    encoders,
-    permuted_accuracy,
-    read,
-    scaled,
-)  # fmt: skip
+from experiments.recognition.protocol import GEOMETRY, LEAST_GAIN, MATERIAL, SAME_MODELS, scaled
 from experiments.recognition.readings import by_side, recording_name
 from experiments.recognition.transfer import ranked
 from experiments.statistics import SHARE, SIGNED, Estimate
 from experiments.verdicts import NONE, Claim
-from radartwin.config.config import Config
 from radartwin.config.materials import VoidMaterials
 from radartwin.errors import ConfigError
-from radartwin.io.progress import Progress
 from radartwin.recognize.encoder import Encoder
 from radartwin.recognize.probes import nearest_centroid, transferred_probe
 from radartwin.recognize.samples import Samples
 from radartwin.recognize.score import majority_share
 from radartwin.recognize.split import label_free
-from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.assortment import assortment
-from radartwin.store.products import Store
 
 TABLE = Table(
     name="many_objects",
@@ -83,7 +66,7 @@ Copies = Mapping[str, Samples]  # scaled features of simulated copies by method
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
     table_config = of_assortment(config)
-    frame, copied = read(labelled_probe.query(table_config), store, progress)
+    frame, copied = with_copies(labelled_probe.query(table_config), store, progress)
     return score(table_config, frame, {method: scaled(copied(table_config, side)) for method, side in by_side(first_draw(frame)).items()})
 
 
@@ -96,9 +79,7 @@ def calls(config: Config) -> list[Call]:
 
 
 def of_assortment(config: Config) -> Config:
-    """Return the configuration in which the objects of the assortment turn without room, equipment or person. Raises ConfigError for real
-    recordings, which do not have these objects.
-    """
+    """Return the configuration in which the assortment turns without room, equipment or person. Raises ConfigError for real recordings."""
     if config.measured.provider != "testbed":
         raise ConfigError("many_objects has its own set of objects, which a recording set lacks; use measured=testbed")
     profile = config.profile
@@ -114,22 +95,18 @@ def score(config: Config, frame: Frame, copies: Copies) -> Result:
     measured = by_revolution(frame[frame.domain == MEASURED])
     copies = {**copies, OTHER: copies[PRETRAINED].relabelled(another_of_its_kind(copies[PRETRAINED].classes))}
     of_first_draw = samples(measured[measured.draw == measured.draw.iloc[0]])
-    trained = {method: encoders(config, label_free(rows, of_first_draw)) for method, rows in copies.items()}
-    on_ranks = encoders(config, label_free(ranked(copies[PRETRAINED]), ranked(of_first_draw)))
+    trained = {method: protocol.encoders(config, label_free(rows, of_first_draw)) for method, rows in copies.items()}
+    on_ranks = protocol.encoders(config, label_free(ranked(copies[PRETRAINED]), ranked(of_first_draw)))
     answers = pd.concat([_answered(config, rows, copies, trained, on_ranks) for _, rows in measured.groupby("draw")], ignore_index=True)
     rows = table_rows(config, answers, partial(cells, config))
     accuracies = [row for row in rows if row["metric"] == "accuracy" and not row.get("attribute")]
     curve = grouped(accuracies, "method", "labels per class")
     metrics = {
-        f"gain_over_{second.partition(' (')[0].replace(' ', '_')}": _value(rows, f"{first} - {second}")
-        for first, second in PAIRS
-        if first == PRETRAINED
+        f"gain_over_{row['method'].partition(' - ')[2].partition(' (')[0].replace(' ', '_')}": row["value"]
+        for row in rows
+        if row["labels per class"] == "1, 2 and 4" and row["method"].startswith(PRETRAINED)
     }
     return Result(TABLE.name, rows, {TABLE.name: lambda: label_curve(curve, 1 / len(of_first_draw.classes))}, metrics, keys(frame))
-
-
-def _value(rows: Sequence[Mapping[str, Any]], method: str) -> float:
-    return next(row["value"] for row in rows if row.get("method") == method and row["labels per class"] == "1, 2 and 4")
 
 
 def another_of_its_kind(objects: Sequence[str]) -> dict[str, str]:
@@ -151,10 +128,8 @@ def samples(revolutions: Frame) -> Samples:
 def _answered(
     config: Config, revolutions: Frame, copies: Copies, trained: Mapping[str, Sequence[Encoder]], on_ranks: Sequence[Encoder]
 ) -> Frame:
-    """Return the revolutions of one draw with a column for each method and number of labels, and a column for each attribute.
-
-    The columns of the methods hold the share of the trainings that recognise the object, or NaN for a revolution that is not classified.
-    The columns of the attributes hold the class that each training predicts, as in the table turntable_label_free.
+    """Return the revolutions of one draw with columns `METHOD, k` (share of the trainings that recognise the object; NaN if not classified)
+    and a column for each attribute (the class that each training predicts).
     """
     plain = samples(revolutions)
     truth, draw, columns = scaled(plain), int(revolutions.draw.iloc[0]), {}
@@ -179,7 +154,7 @@ def _answered(
 def cells(config: Config, frame: Frame) -> Iterator[Cell]:
     """Declare the accuracy of each method, its gains and the saved labels, and the accuracy of the attributes without labels."""
     chance = 1 / frame.object.nunique()
-    stays = at_chance("identity stays at chance", "does not transfer", chance)
+    stays = protocol.at_chance("identity stays at chance", "does not transfer", chance)
     identity = {PRETRAINED: replace(stays, untestable=SAME_MODELS), OTHER: stays}
     for shots in SHOTS:
         at = {"labels per class": shots, "chance": chance}
@@ -195,7 +170,7 @@ def cells(config: Config, frame: Frame) -> Iterator[Cell]:
     measured = samples(frame[[column for column in frame if not str(column).startswith((RAW, PRETRAINED, RIVAL, OTHER))]])
     for attribute, (classes, paper) in ATTRIBUTES.items():
         truth = measured.relabelled(classes)
-        estimate = permuted_accuracy(list(np.stack(list(frame[attribute])).T), truth, config.seed)
+        estimate = protocol.permuted_accuracy(list(np.stack(list(frame[attribute])).T), truth, config.seed)
         majority = majority_share(truth)
         claim = Claim(f"{attribute} transfers: above the majority", paper, bound=majority, null=float(np.mean(estimate.shuffled)))  # type: ignore[arg-type]
         yield Cell(

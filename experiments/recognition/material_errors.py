@@ -4,37 +4,29 @@ The share of wrong material labels grows from none (true materials) to all (mate
 source for comparison. Objects are recognised by the method of experiments/recognition/reconstruction_ablation.py.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from experiments.campaign.cases import MEASURED, TWIN
 from experiments.campaign.frame import Frame
-from experiments.campaign.schedule import RecordingTask
-from experiments.cells import Cell, keys, table_rows, using
-from experiments.drawing import error_bars
+from experiments.cells import Cell, using
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, error_bars, figure
 from experiments.draws import Part, Query
+from experiments.framed import framed
 from experiments.recognition import transfer
 from experiments.recognition.protocol import FLOOR_ONLY, Scored, correct, statistics_columns
 from experiments.recognition.readings import by_side, profile_db
 from experiments.recognition.reconstruction_ablation import MOTION, ROOM
 from experiments.statistics import POSITIVE, clustered
-from experiments.verdicts import NONE, Claim
+from experiments.verdicts import NONE, Claim, Row
 from radartwin.config.config import Config
 from radartwin.config.materials import MaterialsConfig, RandomMaterials, TrueMaterials
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.recognize.score import uniform_chance
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from radartwin.runs.experiment import Table
 
 TABLE = Table(
     name="material_errors",
@@ -56,36 +48,18 @@ def query(config: Config) -> Query:
     return Query(config, (MOTION,), ROOM, several=True, side=configured, more=more)
 
 
-def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
-    return query(config).recordings(store, progress)
-
-
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, query(config).frame(store, progress), progress)
-
-
 def sources(config: Config) -> dict[str, tuple[float | None, MaterialsConfig]]:
-    """Return {name: (share of wrong material labels, material source)}; the share is None for the configured material source, which is the
-    last one.
-    """
+    """Return {name: (share of wrong labels, material source)}; the last one is configured, and its share is None."""
     by_name: dict[str, tuple[float | None, MaterialsConfig]] = {TRUE: (0.0, TrueMaterials())}
     for share in WRONG if config.profile.name != "quick" else WRONG[-1:]:
         by_name[f"{100 * share:g} % random"] = (share, RandomMaterials(p=share))
     return by_name | {f"as configured ({config.materials.source})": (None, config.materials)}
 
 
-def score(config: Config, frame: Frame, progress: Progress) -> Result:
-    """Build the table of accuracy, of the accuracy lost by wrong materials, and of level error."""
-    rows = table_rows(config, frame, partial(cells, config, progress))
-    metrics = {f"accuracy_wrong_{row['wrong']:g}": row["value"] for row in rows if row["metric"] == "accuracy" and row["wrong"] is not None}
-    return Result(TABLE.name, rows, {TABLE.name: lambda: _figure(rows)}, metrics, keys(frame))
-
-
-def cells(config: Config, progress: Progress, frame: Frame) -> Iterator[Cell]:
+def cells(config: Config, frame: Frame) -> Iterator[Cell]:
     """Declare the cells of one draw."""
     sides, first, reference = by_side(frame), None, None  # correct predictions and profiles with true materials, which are the first source
     for name, (share, _) in sources(config).items():
-        progress.say(f"{MOTION} drives in {ROOM}: {name}")
         truth = (split := transfer.ranked_split(sides[name])).test.per_recording()
         hits = correct(transfer.predict(config, split), truth.label)
         case, scored = {"method": name, "wrong": share}, Scored(config, truth, sides[name], uniform_chance(truth))
@@ -103,9 +77,7 @@ def cells(config: Config, progress: Progress, frame: Frame) -> Iterator[Cell]:
 
 
 def _figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw accuracy and level error against the share of wrong material labels. A horizontal band shows the accuracy and level error
-    of the configured material source.
-    """
+    """Draw accuracy and level error against the share of wrong labels, and those of the configured material source as a band."""
     drawing, panels = figure(1, 2, width_in=PAGE_WIDTH_IN, height_in=2.6)
     for panel, metric, label in zip(panels, ("accuracy", LEVEL_ERROR), ("label-free accuracy", "level error (dB)"), strict=True):
         *known, configured = [row for row in rows if row["metric"] == metric]
@@ -118,3 +90,10 @@ def _figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     panels[0].axhline(rows[0]["chance"], color="black", ls="--", lw=0.8, label="chance")
     panels[0].legend(loc="best")
     return drawing
+
+
+def _metrics(rows: list[Row]) -> dict[str, float]:
+    return {f"accuracy_wrong_{r['wrong']:g}": r["value"] for r in rows if r["metric"] == "accuracy" and r["wrong"] is not None}
+
+
+run, recordings, score = framed(TABLE, query, cells, lambda rows, first: {TABLE.name: lambda: _figure(rows)}, _metrics)

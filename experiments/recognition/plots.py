@@ -1,26 +1,18 @@
 """Figures of the recognition tables: bars, confusion matrices, maps of embeddings, accuracy against the number of labelled recordings."""
 
-from __future__ import annotations
-
 import itertools
 import re
-from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from experiments.drawing import error_bars, place
-from radartwin.plotting.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, PALETTE, figure
+from experiments.drawing import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, PALETTE, Figure, error_bars, figure, place
 from radartwin.recognize.samples import MEASURED, Samples
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 GREY = "0.65"
 MOST_LEVEL = 6  # largest number of groups of bars whose names fit side by side
 Row = Mapping[str, Any]
-Panels = dict[str, tuple[NDArray, NDArray]]  # (truth, prediction) of each confusion matrix
 
 
 def grouped(
@@ -41,9 +33,7 @@ def values(groups: Mapping[str, Mapping[str, Row]], prefix: str = "accuracy") ->
 
 
 def bars(groups: Mapping[str, Mapping[str, Row]], ylabel: str, title: str = "", grey: str = "") -> Figure:
-    """Draw bars with confidence intervals from {group: {method: row}}. The bar of the method `grey` is grey; a line shows the chance level
-    of each group.
-    """
+    """Draw bars with confidence intervals from {group: {method: row}}, and a line at the chance level of each group."""
     from matplotlib.patheffects import withStroke
 
     drawing, axis = figure(width_in=PAGE_WIDTH_IN, height_in=2.6)
@@ -74,12 +64,21 @@ def bars(groups: Mapping[str, Mapping[str, Row]], ylabel: str, title: str = "", 
     return drawing
 
 
-def confusions(panels: Panels) -> Figure:
-    """Draw one confusion matrix per panel from (truth, prediction). A cell is the share of a true class (row) predicted as a class
-    (column).
-    """
+def accuracy_bars(name: str, group: str, bar: str = "method", grey: str = "", confusion: bool = False) -> tuple[Any, Any]:
+    """Return figures and metrics of a table for `framed`: bars of accuracy, grouped by a column, and confusion matrices if asked for."""
+
+    def figures(rows: Sequence[Any], first: Any) -> dict[str, Callable[[], Figure]]:
+        drawn = {name: lambda: bars(grouped(rows, group, bar), "accuracy", grey=grey)}
+        return drawn | ({f"{name}_confusion": lambda: confusions(rows)} if confusion else {})
+
+    return figures, lambda rows: values(grouped(rows, group, bar))
+
+
+def confusions(rows: Iterable[Any]) -> Figure:
+    """Draw a confusion matrix, normalised by its rows (true classes), for each table row with a panel (title, truth, prediction)."""
     from sklearn.metrics import confusion_matrix
 
+    panels = {row.panel[0]: row.panel[1:] for row in rows if row.panel and not row.get("twin") and not row.get("truth")}
     drawing, axes = figure(1, len(panels), width_in=PAGE_WIDTH_IN, height_in=3.4, squeeze=False, sharey=True)
     classes = sorted({str(label) for truth, _ in panels.values() for label in truth})
     names = [name.replace("_", " ") for name in classes]
@@ -98,9 +97,7 @@ def confusions(panels: Panels) -> Figure:
 
 
 def embedding_map(recordings: Samples, classes: Mapping[str, str], title: str) -> Figure:
-    """Draw measured and simulated embeddings on their first two principal components. Colours show the classes of the embeddings;
-    filled markers are measured embeddings.
-    """
+    """Draw measured (filled) and simulated embeddings on their first two principal components, coloured by class."""
     from sklearn.decomposition import PCA
 
     drawing, axis = figure(width_in=COLUMN_WIDTH_IN * 1.5, height_in=3.2)
@@ -127,10 +124,7 @@ def embedding_map(recordings: Samples, classes: Mapping[str, str], title: str) -
 
 
 def label_curve(rows: Mapping[str, Mapping[Any, Row]], chance: float) -> Figure:
-    """Draw accuracy against the number of labelled recordings per class, from {method: {number: row}}.
-
-    The horizontal axis is symmetric-logarithmic, so that it includes zero labelled recordings.
-    """
+    """Draw accuracy against the number of labelled recordings per class (symlog axis), from {method: {number: row}}."""
     drawing, axis = figure(width_in=COLUMN_WIDTH_IN * 1.4, height_in=2.8)
     for number, (method, by_number) in enumerate(rows.items()):
         value, low, high = (np.array([row[name] for row in by_number.values()], float) for name in ("value", "low", "high"))

@@ -2,35 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments import statistics
 from experiments.campaign.cases import MEASURED
 from experiments.campaign.frame import Frame
-from experiments.cells import Cell, keys, table_rows
-from experiments.draws import Query
-from experiments.recognition.copies import Copied, copies
-from experiments.recognition.plots import Panels, bars, confusions, grouped, values
-from experiments.statistics import (
-    BINOMIAL,
-    SHARE,
-    SIGNED,
-    Estimate,
-    clustered,
-    orders,
-    permuted,
-    share,
-    sign_flipped,
-    students_t,
-)  # fmt: skip
+from experiments.cells import Cell
 from experiments.verdicts import EQUAL, NONE, Claim
 from radartwin.config.config import Config
-from radartwin.io.progress import Progress
 from radartwin.recognize.encoder import Encoder, Settings, nearest_text
 from radartwin.recognize.probes import leave_one_out_centroid, repeatability, standardised
 from radartwin.recognize.samples import Samples
@@ -38,9 +22,7 @@ from radartwin.recognize.score import uniform_chance
 from radartwin.recognize.split import Split, label_free
 from radartwin.recognize.text import embed
 from radartwin.recognize.training import fit
-from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.assortment import every_object
-from radartwin.store.products import Store
 
 LEAST_GAIN = 0.02  # smallest gain in accuracy that counts as an effect: one recording in fifty
 CHANCE_MARGIN = 0.1  # an accuracy that differs from chance by at most one recording in ten counts as chance
@@ -57,33 +39,10 @@ MATERIAL: dict[str, str] = {name: entry.material_class for name, entry in every_
 
 
 def anchors(objects: Iterable[str], text: str = ECHOES) -> dict[str, NDArray]:
-    """Return {object: embedding vector of the object's text}. `text` is ECHOES, as in the paper, or LOOKS, also for objects without an
-    echo's text.
-    """
+    """Return {object: embedding of its text}: ECHOES, as in the paper, or LOOKS, also if an object has no text of its echo."""
     known, names = every_object(), sorted(objects)
     text = text if all(getattr(known[name], text) for name in names) else LOOKS
     return dict(zip(names, embed([getattr(known[name], text) for name in names]), strict=True))
-
-
-def read(query: Query, store: Store, progress: Progress) -> tuple[Frame, Copied]:
-    """Return the frame of a turntable table, and the function that returns the copies of its simulated recordings."""
-    return query.frame(store, progress), partial(copies, store, query.sources(store, progress))
-
-
-def accuracy_result(
-    table: Table, config: Config, frame: Frame, cells: Callable[[Panels, Frame], Iterator[Cell]], group: str, grey: str
-) -> Result:
-    """Build a table with two figures: bars of accuracy, grouped by the column `group`, and confusion matrices.
-
-    Args:
-        cells: declares the cells of one draw, and puts the answers of the first draw into the panels of the confusion matrices.
-        grey: method whose bars are grey.
-    """
-    panels: Panels = {}
-    rows = table_rows(config, frame, partial(cells, panels))
-    groups = grouped(rows, group)
-    figures = {table.name: lambda: bars(groups, "accuracy", grey=grey), f"{table.name}_confusion": lambda: confusions(panels)}
-    return Result(table.name, rows, figures, values(groups), keys(frame))
 
 
 def scaled(samples: Samples) -> Samples:
@@ -92,9 +51,7 @@ def scaled(samples: Samples) -> Samples:
 
 
 def settings(config: Config, level: str = "label_free") -> Settings:
-    """Return the encoder settings of a supervision level. Only the supervision level few_shot includes the loss term of
-    simulated-measured pairs.
-    """
+    """Return the encoder settings of a level; only few_shot includes the loss term of simulated-measured pairs."""
     configured = Settings(**asdict(config.supervision.encoder))
     return configured if level == "few_shot" else replace(configured, paired=0.0)
 
@@ -126,10 +83,7 @@ def statistics_columns(answers: int, chance: float | None = None, shares: NDArra
 
 
 def probe_hits(config: Config, measured: Samples, copies: Samples) -> dict[str, NDArray[np.bool_]]:
-    """Train the encoder on scaled rows of simulated copies, and return for each probe whether each answer is correct, (seeds, N).
-
-    The probe TEXT needs no labels. The probe RECORDINGS needs at least two recordings of each object, and is left out without them.
-    """
+    """Train the encoder on scaled rows of copies, and return for TEXT, and RECORDINGS if possible, the correct answers (seeds, N)."""
     trained = encoders(config, label_free(copies, measured))
     texts, temperature = anchors(measured.classes), settings(config).temperature
     hits = {TEXT: correct([nearest_text(encoder, measured.unlabelled(), texts, temperature) for encoder in trained], measured.label)}
@@ -146,31 +100,22 @@ def correct(predictions: Sequence[NDArray], truth: NDArray) -> NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """Declare the cells about predictions on the measured recordings of one draw. Column n counts measured recordings.
-
-    Attributes:
-        truth: the N classified rows, with their classes.
-        of: the recordings of the cells. If they have several simulations (column `side`), `compared` takes those that a cell names.
-        chance: accuracy of a random guess.
-    """
+    """Declare the cells about predictions on the measured recordings of one draw. Column n counts measured recordings."""
 
     config: Config
-    truth: Samples
-    of: Frame
-    chance: float
+    truth: Samples  # the N classified rows, with their classes
+    of: Frame  # the recordings of the cells; if they have several simulations (column `side`), `compared` takes those that a cell names
+    chance: float  # accuracy of a random guess
 
     def accuracy(
-        self, case: Mapping[str, Any], hits: NDArray, claim: Claim = NONE, balanced: bool = False, answers: Sequence[NDArray] | None = None
-    ) -> Cell:
-        """Return the accuracy (share of correct predictions). A claim without a condition says that it is above chance.
+        self, case: Mapping[str, Any], hits: NDArray, claim: Claim = NONE, balanced: bool = False,
+        answers: Sequence[NDArray] | None = None, panel: Any = None,
+    ) -> Cell:  # fmt: skip
+        """Return the accuracy of `hits` (seeds, N), NaN for a row that a seed does not classify. A claim without a condition says that it
+        is above chance. With `balanced`, the accuracy is the mean of the accuracies of all classes.
 
-        If `answers` is given, the test permutes the classes of the objects, and the accuracy without an effect is the mean accuracy of the
-        permuted classes. This asks for several objects in each class. Otherwise the interval is a bootstrap over objects.
-
-        Args:
-            hits: (seeds, N), whether each prediction is correct; NaN for a row that a seed does not classify.
-            balanced: if true, the accuracy is the balanced accuracy (mean of the accuracies of all classes).
-            answers: (seeds) predicted classes (N,).
+        With `answers`, (seeds) predicted classes (N,), the test permutes the classes of the objects, and the mean accuracy of the permuted
+        classes is that without an effect; this asks for several objects in each class. Otherwise a bootstrap over objects is the test.
         """
         hits, truth = self._classified(hits)
         metric, null = "balanced accuracy" if balanced else "accuracy", None
@@ -179,24 +124,22 @@ class Scored:
             null = float(estimate.shuffled.mean())  # type: ignore[union-attr]
         else:
             classes, seeds = truth.label if balanced else None, (self.config.profile.resamples, self.config.seed)
-            estimate = replace(clustered(hits, truth.object, *seeds, classes, SHARE), closed=is_closed(truth))
+            estimate = replace(statistics.clustered(hits, truth.object, *seeds, classes, statistics.SHARE), closed=is_closed(truth))
             if estimate.low == estimate.high:  # all resamples are equal, for example if all predictions are correct
-                estimate = replace(share(estimate.value * estimate.n, estimate.n), closed=estimate.closed)
+                estimate = replace(statistics.share(estimate.value * estimate.n, estimate.n), closed=estimate.closed)
         if balanced and any(np.unique(truth.object[truth.label == label]).size < 2 for label in truth.classes):
             claim = replace(claim, untestable=ONE_OBJECT)
         if claim.bound is None and claim.null is None:
             claim = replace(claim, bound=self.chance, null=null)
         columns = statistics_columns(len(truth), self.chance, np.nanmean(hits, axis=1))
-        return Cell({**case, **columns}, metric, self.of, estimate, claim, count_sources(truth))
+        return Cell({**case, **columns}, metric, self.of, estimate, claim, count_sources(truth), panel)
 
     def gain(self, case: Mapping[str, Any], first: NDArray, second: NDArray, claim: Claim = NONE) -> Cell:
-        """Return the accuracy of `first` minus that of `second` on the same recordings, with the test that swaps the methods of objects.
-        The claim is that the gain is above LEAST_GAIN.
-        """
+        """Return the accuracy of `first` minus that of `second`, claimed above LEAST_GAIN; the test swaps the methods of objects."""
         (first_hits, truth), (second_hits, _) = (self._classified(hits) for hits in (first, second))
         differences = np.nanmean(first_hits, axis=0) - np.nanmean(second_hits, axis=0)
         _, item = np.unique(truth.object, return_inverse=True)
-        estimate = sign_flipped(np.bincount(item, differences) / np.bincount(item), self.config.seed, SIGNED)
+        estimate = statistics.sign_flipped(np.bincount(item, differences) / np.bincount(item), self.config.seed, statistics.SIGNED)
         case = {**case, **statistics_columns(len(truth), 0.0)}
         claim = replace(claim, bound=LEAST_GAIN, null=0.0)
         return Cell(case, "gain in accuracy", self.of, replace(estimate, closed=is_closed(truth)), claim, count_sources(truth))
@@ -204,15 +147,13 @@ class Scored:
     def compared(
         self, case: Mapping[str, Any], hits: Mapping[str, NDArray], pairs: Mapping[tuple[str, str], Claim],
         claims: Mapping[str, Claim] | None = None, column: str = "method", answers: Mapping[str, Sequence[NDArray]] | None = None,
+        panels: Mapping[str, Any] | None = None,
     ) -> Iterator[Cell]:  # fmt: skip
-        """Yield the accuracy of each method (see `accuracy`), and the gain of the first method over the second of each pair.
-
-        Args:
-            hits, claims, answers: by method. column: column of the method.
-        """
+        """Yield the accuracy of each method (see `accuracy`), and the gain of a pair's first method; all arguments are by method."""
         for method, method_hits in hits.items():
-            claim, scored = (claims or {}).get(method, NONE), self.using(method)
-            yield scored.accuracy({**case, column: method}, method_hits, claim, answers=answers[method] if answers else None)
+            claim, panel = (claims or {}).get(method, NONE), (panels or {}).get(method)
+            predictions = answers[method] if answers else None
+            yield self.using(method).accuracy({**case, column: method}, method_hits, claim, answers=predictions, panel=panel)
         for (first, second), claim in pairs.items():
             yield self.using(first, second).gain({**case, column: f"{first} - {second}"}, hits[first], hits[second], claim)
 
@@ -223,13 +164,11 @@ class Scored:
         return replace(self, of=self.of[(self.of.domain == MEASURED) | self.of.side.isin(sides)])
 
     def control(self, case: Mapping[str, Any], shares: NDArray, metric: str = "accuracy") -> Cell:
-        """Return the mean of the accuracies `shares` (shuffles,) with shuffled labels. The claim is that this mean is at chance level.
-
-        Only the shuffles are independent of each other. The recordings of one shuffle are not independent, because the same few labels
-        classify all of them.
+        """Return the mean of the accuracies (shuffles,) with shuffled labels. The claim is that it is at chance level. Only the shuffles
+        are independent of each other: the same few labels classify all recordings of a shuffle.
         """
         case, claim = {**case, **statistics_columns(len(self.truth), self.chance, shares)}, at_chance("at chance", "", self.chance)
-        return Cell(case, metric, self.of, students_t(shares, SHARE, "shuffles"), claim, count_sources(self.truth))
+        return Cell(case, metric, self.of, statistics.students_t(shares, statistics.SHARE, "shuffles"), claim, count_sources(self.truth))
 
     def _classified(self, hits: NDArray) -> tuple[NDArray[np.float64], Samples]:
         """Return the columns of `hits` that a seed classifies, and their rows."""
@@ -241,11 +180,8 @@ class Scored:
 def compared_trainings(
     config: Config, frame: Frame, column: str, trained: Iterable[tuple[str, Samples, Samples]], claims: Mapping[str, str]
 ) -> Iterator[Cell]:
-    """Train an encoder for each name in `trained`, and declare its accuracy with each probe, and the gain of the first over the others.
-
-    Args:
-        column: column of the name. trained: (name, features of measured revolutions, features of copies of simulated revolutions).
-        claims: text of the claim about the gain over a name.
+    """Train an encoder for each (name, features of measured revolutions, features of copies of simulated revolutions), and declare its
+    accuracy with each probe, and the gain of the first over the others; `claims` has the text of the claim about the gain over a name.
     """
     hits: dict[str, dict[str, NDArray[np.bool_]]] = {}
     for name, measured, simulated in trained:
@@ -268,12 +204,12 @@ def is_closed(recordings: Samples) -> bool:
     return np.unique(recordings.label).size == np.unique(recordings.object).size
 
 
-def permuted_accuracy(answers: Sequence[NDArray], recordings: Samples, seed: int, balanced: bool = False) -> Estimate:
+def permuted_accuracy(answers: Sequence[NDArray], recordings: Samples, seed: int, balanced: bool = False) -> statistics.Estimate:
     """Return the accuracy, with the test that permutes the classes of the objects and keeps the answers on each object."""
     objects, item = np.unique(recordings.object, return_inverse=True)
     kinds, truth = np.unique(recordings.label, return_inverse=True)
     counts = np.array([[np.sum(np.stack(answers)[:, item == number] == kind) for kind in kinds] for number in range(len(objects))], float)
-    total, order = np.bincount(item) * float(len(answers)), orders(len(objects), seed)
+    total, order = np.bincount(item) * float(len(answers)), statistics.orders(len(objects), seed)
     classes = truth[[np.flatnonzero(item == number)[0] for number in range(len(objects))]][order]  # (permutations, objects)
     right = counts[np.arange(len(objects)), classes]
     if balanced:
@@ -281,9 +217,9 @@ def permuted_accuracy(answers: Sequence[NDArray], recordings: Samples, seed: int
         shuffled = np.mean([(right * mask).sum(axis=1) / (total * mask).sum(axis=1) for mask in of_kind], axis=0)
     else:
         shuffled = right.sum(axis=1) / total.sum()
-    return permuted(float(shuffled[0]), shuffled, len(objects), SHARE)
+    return statistics.permuted(float(shuffled[0]), shuffled, len(objects), statistics.SHARE)
 
 
-def sign_test(wins: int, losses: int) -> Estimate:
+def sign_test(wins: int, losses: int) -> statistics.Estimate:
     """Return the share of wins with its exact binomial interval. Without wins and losses, the share is 0.5 and unknown."""
-    return share(wins, wins + losses) if wins + losses else Estimate(0.5, 0.0, 1.0, 0, test=BINOMIAL)
+    return statistics.share(wins, wins + losses) if wins + losses else statistics.Estimate(0.5, 0.0, 1.0, 0, test=statistics.BINOMIAL)

@@ -1,30 +1,25 @@
 """Randomisation ablation: does it help recognition if copies of a simulated recording differ in more than their noise?
 
-The encoder is trained on copies of simulated turntable revolutions. The user of a simulation does not know some quantities, such as the
-wobble of the turntable, so the copies have random values of these quantities (radartwin.recognize.randomise). For the table, the encoder is
-trained on copies in which all quantities are random, only the noise is random (as in the paper), or all but one are random. Measured
-revolutions are classified without labels by the nearest text, and with labels by the nearest class centroid of other recordings.
+The encoder is trained on copies of simulated turntable revolutions (radartwin.recognize.randomise) in which all quantities that the user
+does not know are random, only the noise is (as in the paper), or all but one are. Measured revolutions are classified without labels by the
+nearest text, and with labels by the nearest class centroid of other recordings.
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import fields, replace
 
 from experiments.campaign.campaign import Call
 from experiments.campaign.frame import Frame
-from experiments.cells import Cell, keys, table_rows
-from experiments.draws import Query
+from experiments.cells import Cell
+from experiments.framed import framed
 from experiments.recognition import copies
 from experiments.recognition.copies import Copied
-from experiments.recognition.plots import bars, grouped, values
-from experiments.recognition.protocol import compared_trainings, read
-from experiments.recognition.readings import MOTION, revolutions
+from experiments.recognition.plots import accuracy_bars
+from experiments.recognition.protocol import compared_trainings
+from experiments.recognition.readings import TURNTABLE, revolutions
 from radartwin.config.config import Config
 from radartwin.config.study import RandomiseConfig
-from radartwin.io.progress import Progress
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
+from radartwin.runs.experiment import Table
 
 TABLE = Table(
     name="randomisation_ablation",
@@ -37,10 +32,6 @@ TABLE = Table(
 
 ALL, NOISE_ONLY = "all drawn", "noise only"
 QUANTITIES = tuple(field.name for field in fields(RandomiseConfig))
-
-
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, *read(Query(config, (MOTION,), several=True), store, progress))
 
 
 def calls(config: Config) -> list[Call]:
@@ -59,14 +50,10 @@ def copied_as(config: Config, left_out: tuple[str, ...]) -> Config:
     return replace(config, supervision=replace(config.supervision, randomise=strengths))
 
 
-def score(config: Config, frame: Frame, copied: Copied) -> Result:
-    """Build the table of each kind of copies and probe."""
+def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of each kind of copies and probe."""
+    trained = ((kind, revolutions(frame), copied(copied_as(config, names), frame)) for kind, names in kinds(config).items())
+    return compared_trainings(config, frame, "copies", trained, {NOISE_ONLY: "drawing all quantities helps"})
 
-    def cells(draw_frame: Frame) -> Iterator[Cell]:
-        trained = ((kind, revolutions(draw_frame), copied(copied_as(config, names), draw_frame)) for kind, names in kinds(config).items())
-        return compared_trainings(config, draw_frame, "copies", trained, {NOISE_ONLY: "drawing all quantities helps"})
 
-    rows = table_rows(config, frame, cells)
-    groups = grouped(rows, "copies", "probe")
-    metrics = values({kind: groups[kind] for kind in (ALL, NOISE_ONLY)})
-    return Result(TABLE.name, rows, {TABLE.name: lambda: bars(groups, "accuracy")}, metrics, keys(frame))
+run, recordings, score = framed(TABLE, TURNTABLE, cells, *accuracy_bars(TABLE.name, "copies", "probe"), copied=True)

@@ -1,7 +1,5 @@
 """Feature rows of a frame's recordings: a row for each revolution, picture of a revolution, frame of a drive, or range-time signature."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -17,14 +15,12 @@ from radartwin.recognize.learners.interface import Reads
 from radartwin.recognize.samples import SIMULATED, Part, Samples, gather
 
 MOTION, FEATURES = "turntable", "rotation"  # motion and feature set of the turntable tables
+TURNTABLE = {"motions": (MOTION,), "several": True}  # arguments of `Query` of most of these tables
 PROFILES = 50  # number of range profiles of a range-time signature
 
 
 def recording_name(domain: str, case: Case | Any) -> str:
-    """Return a name that contains the domain (measured or simulated) and sorts by object, room, motion, distance, repetition and draw.
-
-    `case` is a Case or a row of a frame.
-    """
+    """Return a name of a Case or row that sorts by object, room, motion, distance, repetition, draw and domain."""
     draw = f" draw {case.draw}" if case.draw else ""
     return f"{case.object} {case.room} {case.motion} {case.distance_m:g} m #{case.repetition}{draw} {domain}"
 
@@ -35,11 +31,8 @@ def stratum(distance_m: float) -> str:
 
 
 def gathered(rows: Frame, names: Sequence[str], values: Iterable[NDArray], turns: bool = False) -> Samples:
-    """Return the feature rows of recordings, sorted by the names of the recordings.
-
-    Args:
-        values: for each recording (n, D) values of the D features `names`, or (D,) if there is one row.
-        turns: whether each row of the values is a revolution, which counts as a recording of its own.
+    """Return the feature rows of recordings, sorted by the names of the recordings. The values of a recording are (n, D), of D features, or
+    (D,); with `turns`, each row is a revolution, which counts as a recording of its own.
     """
     parts = []
     for row, vectors in zip(rows.itertuples(), values, strict=True):
@@ -85,9 +78,7 @@ def profile_db(power: NDArray, range_m: NDArray) -> NDArray:
 
 
 def signatures(rows: Frame) -> Samples:
-    """Return the range-time signature of each drive as one feature row: its levels (see `profile_db`), interpolated in time to PROFILES
-    profiles.
-    """
+    """Return the range-time signature of each drive as one row: its levels (`profile_db`), interpolated to PROFILES profiles."""
 
     def signature(level: NDArray) -> NDArray:
         times = np.linspace(0, len(level) - 1, PROFILES)
@@ -100,10 +91,7 @@ def signatures(rows: Frame) -> Samples:
 
 
 def reflector(rows: Frame) -> Frame:
-    """Return one recording in each domain of the corner reflector at its middle distance, for the calibration.
-
-    Raises InputError if the rows have no reflector.
-    """
+    """Return the recording of the reflector at its middle distance in each domain. Raises InputError if there is none."""
     reflectors = rows[rows.object == REFLECTOR]
     if set(reflectors.domain) < set(COMPARED):
         where = " and ".join(sorted({f"{motion} in {room}" for motion, room in zip(rows.motion, rows.room, strict=True)}))

@@ -1,42 +1,32 @@
 """Reconstruction ablation: how well are objects recognised if the simulation used for training contains less of the reconstructed room?
 
-In the measured recordings, the radar drives past the object, at right angles to the line of sight ("lateral" drives). The training uses no
-class labels of measured recordings. The same random forests are trained on three simulations: of the room with labelled materials, of the
-room with one uniform material on every surface, and without the room. The table compares the predictions of the three forests on the same
-recordings.
-
-Paper (reconstruction ablation, squash court), for labelled materials, uniform material and no room in this order: object accuracy 0.227 +-
-0.015, 0.192 +- 0.015 and 0.138 +- 0.008; shape accuracy 0.65, 0.66 and 0.54. Of the recordings, 23 are classified correctly only with
-labelled materials, and 6 only with the uniform material; p 0.001.
+Random forests are trained on lateral drives in three simulations: with labelled materials, with one material on every surface, and without
+the room. Paper (squash court), in this order: object accuracy 0.227 +- 0.015, 0.192 +- 0.015 and 0.138 +- 0.008; shape accuracy 0.65, 0.66
+and 0.54; 23 recordings are right only with labelled materials, 6 only with one material; p 0.001.
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from experiments.campaign.cases import TWIN
 from experiments.campaign.frame import Frame
-from experiments.campaign.schedule import RecordingTask
 from experiments.cells import Cell
 from experiments.draws import Part, Query
+from experiments.framed import framed
 from experiments.recognition import transfer
-from experiments.recognition.plots import Panels
-from experiments.recognition.protocol import FLOOR_ONLY, SHAPE, Scored, accuracy_result, correct, sign_test, statistics_columns
+from experiments.recognition.plots import accuracy_bars
+from experiments.recognition.protocol import FLOOR_ONLY, SHAPE, Scored, correct, sign_test, statistics_columns
 from experiments.recognition.readings import by_side
 from experiments.statistics import share
 from experiments.verdicts import Claim
 from radartwin.config.config import Config
 from radartwin.config.materials import UniformMaterials, VoidMaterials
 from radartwin.errors import ConfigError
-from radartwin.io.progress import Progress
 from radartwin.recognize.score import majority_share, uniform_chance
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
+from radartwin.runs.experiment import Table
 
 TABLE = Table(
     name="reconstruction_ablation",
@@ -59,9 +49,7 @@ BEATS = {
 
 
 def query(config: Config) -> Query:
-    """Return the recordings of the table, with each simulation as a side. Raises ConfigError if the configured simulation already has a
-    uniform material or no room.
-    """
+    """Return the recordings of the table, with each simulation as a side. Raises ConfigError for a uniform material or no room."""
     if config.materials.source in ("uniform", "void"):
         raise ConfigError(
             f"the ablation compares labelled materials with uniform and no materials; choose another source than {config.materials.source}"
@@ -71,43 +59,31 @@ def query(config: Config) -> Query:
     return Query(config, (MOTION,), ROOM, several=True, side=LABELLED, more=more)
 
 
-def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
-    return query(config).recordings(store, progress)
-
-
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, query(config).frame(store, progress), progress)
-
-
-def score(config: Config, frame: Frame, progress: Progress) -> Result:
-    """Build the table of accuracy for each simulation and kind of classes, of accuracy gains between simulations, and of paired tests."""
-    return accuracy_result(TABLE, config, frame, partial(cells, config, progress), "classes", VOID)
-
-
-def cells(config: Config, progress: Progress, panels: Panels, frame: Frame) -> Iterator[Cell]:
-    """Declare the cells of one draw, and put the answers of the first draw on objects into `panels`."""
+def cells(config: Config, frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of one draw."""
     for classes, names in (("object", None), ("shape", SHAPE)):
-        answers, splits = {}, {method: transfer.ranked_split(drives, names) for method, drives in by_side(frame).items()}
-        for method, split in splits.items():
-            progress.say(f"{MOTION} drives in {ROOM}: {method}")
-            answers[method] = transfer.predict(config, split)
+        splits = {method: transfer.ranked_split(drives, names) for method, drives in by_side(frame).items()}
+        answers = {method: transfer.predict(config, split) for method, split in splits.items()}
         truth = splits[LABELLED].test.per_recording()
         hits = {method: correct(predictions, truth.label) for method, predictions in answers.items()}
         claims = {method: Claim("", paper) for method, paper in PAPER[classes].items()}
         if names is None:
             claims[LABELLED] = replace(claims[LABELLED], text="with the room in the simulation, object accuracy is above chance")
-            panels |= {method: panels.get(method, (truth.label, predictions[0])) for method, predictions in answers.items()}
         pairs = {pair: Claim(text if names is None or pair[1] == VOID else "", untestable=FLOOR_ONLY) for pair, text in BEATS.items()}
-        scored = Scored(config, truth, frame, uniform_chance(truth) if names is None else majority_share(truth))
-        yield from scored.compared({"classes": classes}, hits, pairs, claims, answers=None if names is None else answers)
         if names is None:
+            panels = {method: (method, truth.label, predictions[0]) for method, predictions in answers.items()}
+            yield from Scored(config, truth, frame, uniform_chance(truth)).compared(
+                {"classes": classes}, hits, pairs, claims, panels=panels
+            )
             yield from _paired(frame, hits, truth.object)
+        else:
+            yield from Scored(config, truth, frame, majority_share(truth)).compared(
+                {"classes": classes}, hits, pairs, claims, answers=answers
+            )
 
 
 def _paired(frame: Frame, hits: Mapping[str, NDArray], objects: NDArray) -> Iterator[Cell]:
-    """Declare the share of objects of which more recordings are right after training on the first of two simulations than on the second,
-    the numbers of such recordings, and the share of random seeds for which labelled materials give the higher accuracy.
-    """
+    """Declare paired comparisons of two simulations: the share of objects that one leads on, and the share of seeds in which it leads."""
     for better, worse, paper in ((LABELLED, UNIFORM, "23 against 6, p 0.001"), (LABELLED, VOID, "")):
         first_right, second_right = (hits[method].mean(axis=0) > 0.5 for method in (better, worse))
         columns = {
@@ -124,3 +100,6 @@ def _paired(frame: Frame, hits: Mapping[str, NDArray], objects: NDArray) -> Iter
     leads = hits[LABELLED].mean(axis=1) > hits[UNIFORM].mean(axis=1)
     case = {"classes": "object", "method": f"{LABELLED} - {UNIFORM}", **statistics_columns(len(leads), 0.5)}
     yield Cell(case, "share of seeds in which it leads", frame, share(float(np.sum(leads)), len(leads)), Claim(paper="1.0"), len(leads))
+
+
+run, recordings, score = framed(TABLE, query, cells, *accuracy_bars(TABLE.name, "classes", grey=VOID, confusion=True))

@@ -1,37 +1,31 @@
 """Object and material recognition from a moving radar at three levels of supervision, in both rooms (the paper's Table 3 and bar figure).
 
-The option `supervision` sets the highest level in the table: label_free gives the rows of level (i), calibrated adds level (ii), few_shot
-adds level (iii) on drives. The table labelled_probe has level (iii) on the turntable. The chance level is one over the number of classes,
-or the share of the largest class in rows where the paper uses this share. Material classes differ much in size, so the claim about
-materials is judged by balanced accuracy. As a control, a random forest is trained on simulated recordings with shuffled class labels.
+The option `supervision` sets the highest level: label_free, calibrated, or few_shot (on drives; labelled_probe has it on the turntable).
+Chance is one over the number of classes, or the share of the largest class where the paper uses it. Material classes differ much in size,
+so their claim is judged by balanced accuracy. As a control, a forest is trained with shuffled class labels.
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from experiments.campaign.cases import REFLECTOR
 from experiments.campaign.frame import Frame
-from experiments.campaign.schedule import RecordingTask
-from experiments.cells import Cell, keys, table_rows
+from experiments.cells import Cell
 from experiments.draws import Query
+from experiments.framed import Figures, framed
 from experiments.recognition import transfer
-from experiments.recognition.plots import Panels, bars, confusions, grouped
+from experiments.recognition.plots import bars, confusions, grouped
 from experiments.recognition.protocol import MATERIAL, NO_SESSIONS, SHAPE, Scored, at_chance, correct, seeds
 from experiments.verdicts import NONE, Claim, Row
 from radartwin.config.config import Config
-from radartwin.io.progress import Progress
 from radartwin.recognize.probes import forest
 from radartwin.recognize.samples import join
 from radartwin.recognize.score import majority_share, uniform_chance
 from radartwin.recognize.split import LEVELS, Split, draw_shots, label_free, most_shots, shuffled
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
+from radartwin.runs.experiment import Table
 
 TABLE = Table(
     name="rover_recognition",
@@ -60,53 +54,22 @@ def query(config: Config) -> Query:
     return Query(config, MOTIONS, several=True, exact=True)
 
 
-def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
-    return query(config).recordings(store, progress)
-
-
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, query(config).frame(store, progress), progress)
-
-
-def score(config: Config, frame: Frame, progress: Progress) -> Result:
-    """Build the table of the supervision levels up to the configured one. The testbed whose objects equal the catalogue has the rows of
-    objects without labels.
-    """
-    panels: Panels = {}
-
-    def exact(row: Row) -> bool:
-        return (row["supervision"], row["classes"]) == ("label_free", "object")
-
-    rows = table_rows(config, frame, partial(cells, config, progress, panels), exact)
-    in_paper = [row for row in rows if row["room"] == PAPER_ROOM and row["method"] in (RAW, TRAINED)]
-    groups = grouped(in_paper, lambda row: f"{row['motion']}\n{row['classes']}")
-    figures = {
-        "rover_recognition": lambda: bars(groups, "accuracy", "squash court", grey=RAW),
-        "rover_confusion": lambda: confusions(panels),
-    }
-    metrics = {f"{r['room']}_{r['motion']}_object": r["value"] for r in rows if exact(r) and r["method"] == TRAINED and not r.get("truth")}
-    return Result(TABLE.name, rows, figures, metrics, keys(frame))
-
-
-def cells(config: Config, progress: Progress, panels: Panels, frame: Frame) -> Iterator[Cell]:
-    """Declare the cells of one draw. Put the answers of the first draw on objects in the paper's room into `panels`."""
+def cells(config: Config, frame: Frame) -> Iterator[Cell]:
+    """Declare the levels up to the configured one; a testbed whose objects equal the catalogue has the first level."""
     levels = LEVELS[: LEVELS.index(config.supervision.mode) + 1] if (frame.truth == "").all() else LEVELS[:1]
     for room in (room for room in ROOMS if room in set(frame.room)):
         for motion in MOTIONS:
-            progress.say(f"{motion} drives in {room}")
             drives = frame[(frame.room == room) & (frame.motion == motion)]
             case, raw = {"room": room, "motion": motion}, transfer.predict_from_signatures(drives)
-            yield from _label_free(config, panels, drives, raw, case)
+            yield from _label_free(config, drives, raw, case)
             if "calibrated" in levels:
                 yield from _materials(config, drives, raw, case)
             if "few_shot" in levels and motion == "lateral":
                 yield from _few_shot(config, drives, case)
 
 
-def _label_free(config: Config, panels: Panels, drives: Frame, raw: NDArray, place: Mapping[str, str]) -> Iterator[Cell]:
-    """Declare the cells of supervision level (i), without class labels of measured recordings: object accuracy, shape accuracy in sideways
-    ("lateral") drives, and the control, a random forest that is trained on permuted class labels.
-    """
+def _label_free(config: Config, drives: Frame, raw: NDArray, place: Mapping[str, str]) -> Iterator[Cell]:
+    """Declare level (i), without labels: objects, shapes (lateral drives), and the control whose forest learns permuted labels."""
     motion, in_paper = place["motion"], place["room"] == PAPER_ROOM
     for classes, names in (("object", None), ("shape", SHAPE)) if motion == "lateral" else (("object", None),):
         case = {"supervision": "label_free", **place, "classes": classes}
@@ -124,18 +87,15 @@ def _label_free(config: Config, panels: Panels, drives: Frame, raw: NDArray, pla
         fails = at_chance("matching raw signatures fails" if in_paper and names is None else "", paper_raw, chance)
         claims[RAW] = replace(fails, untestable=NO_SESSIONS)
         scored, gain = Scored(config, truth, drives, chance), Claim("training on the twin beats matching its raw signatures")
-        yield from scored.compared(case, hits, {(TRAINED, RAW): gain}, claims, answers=None if names is None else answers)
+        panels = {TRAINED: (f"{motion} drive", truth.label, answers[TRAINED][0])} if in_paper and names is None else {}
+        yield from scored.compared(case, hits, {(TRAINED, RAW): gain}, claims, answers=None if names is None else answers, panels=panels)
         if names is None:
-            if in_paper:
-                panels.setdefault(f"{motion} drive", (truth.label, answers[TRAINED][0]))
             permuted = transfer.predict(config, split, lambda original, seed: label_free(shuffled(original.train, seed), original.test))
             yield scored.control({**case, "method": "simulated labels shuffled"}, correct(permuted, truth.label).mean(axis=1))
 
 
 def _materials(config: Config, drives: Frame, raw: NDArray, place: Mapping[str, str]) -> Iterator[Cell]:
-    """Declare the cells of supervision level (ii): accuracy of material classes with and without calibration by one reflector recording,
-    which is not scored.
-    """
+    """Declare level (ii): material classes with and without calibration by one reflector recording, which is not scored."""
     paper_trained, paper_raw = PAPER[place["motion"], "material"] if place["room"] == PAPER_ROOM else ("", "")
     plain, mapped = (transfer.calibrated_split(drives, MATERIAL, mapped) for mapped in (False, True))
     truth = plain.test.per_recording()
@@ -153,9 +113,7 @@ def _materials(config: Config, drives: Frame, raw: NDArray, place: Mapping[str, 
 
 
 def _few_shot(config: Config, drives: Frame, place: Mapping[str, str]) -> Iterator[Cell]:
-    """Declare the cell of supervision level (iii) on the rover: train on simulated frames and a few labelled measured recordings, if
-    there are enough recordings.
-    """
+    """Declare level (iii) on the rover: train on simulated frames and a few labelled measured recordings, if there are enough."""
     supervision, (simulated, measured) = config.supervision, map(transfer.ranked, transfer.of_domains(drives))
     recordings, shots = measured.per_recording(), config.supervision.shots
     if most_shots(recordings) < shots:
@@ -168,3 +126,21 @@ def _few_shot(config: Config, drives: Frame, place: Mapping[str, str]) -> Iterat
         hits[number, np.isin(recordings.recording, truth.recording)] = predicted == truth.label
     case = {"supervision": "few_shot", **place, "classes": "object", "method": f"trained on simulation and {shots} recordings per class"}
     yield Scored(config, recordings, drives, uniform_chance(recordings)).accuracy(case, hits)
+
+
+def _exact(row: Row) -> bool:
+    return (row["supervision"], row["classes"]) == ("label_free", "object")
+
+
+def _figures(rows: list[Row], first: Frame) -> Figures:
+    in_paper = [row for row in rows if row["room"] == PAPER_ROOM and row["method"] in (RAW, TRAINED)]
+    groups = grouped(in_paper, lambda row: f"{row['motion']}\n{row['classes']}")
+    return {TABLE.name: lambda: bars(groups, "accuracy", "squash court", grey=RAW), "rover_confusion": lambda: confusions(rows)}
+
+
+def _metrics(rows: list[Row]) -> dict[str, float]:
+    kept = [row for row in rows if _exact(row) and row["method"] == TRAINED and not row.get("truth")]
+    return {f"{row['room']}_{row['motion']}_object": row["value"] for row in kept}
+
+
+run, recordings, score = framed(TABLE, query, cells, _figures, _metrics, exact=_exact)

@@ -9,29 +9,26 @@ simulation at a time:
   mirror reflections, and gives each surface patch a single phase.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 
 from experiments.campaign.campaign import Call
 from experiments.campaign.cases import TWIN
 from experiments.campaign.frame import Frame
-from experiments.campaign.schedule import RecordingTask
-from experiments.cells import Cell, keys, table_rows
+from experiments.cells import Cell
 from experiments.draws import Part, Query
+from experiments.framed import framed
 from experiments.recognition import copies
 from experiments.recognition.copies import Copied
 from experiments.recognition.labelled_probe import RIVAL, rf_genesis
-from experiments.recognition.plots import bars, grouped, values
-from experiments.recognition.protocol import TEXT, compared_trainings, read
+from experiments.recognition.plots import accuracy_bars
+from experiments.recognition.protocol import TEXT, compared_trainings
 from experiments.recognition.readings import MOTION, by_side, revolutions, without
+from experiments.verdicts import Row
 from radartwin.config.config import Config
 from radartwin.config.materials import VoidMaterials
 from radartwin.features.families import BRIGHTNESS
-from radartwin.io.progress import Progress
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
+from radartwin.runs.experiment import Table
 
 TABLE = Table(
     name="simulation_parts",
@@ -60,32 +57,25 @@ def query(config: Config) -> Query:
     return Query(config, (MOTION,), several=True, side=EVERYTHING, more=more)
 
 
-def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
-    return query(config).recordings(store, progress)
-
-
 def calls(config: Config) -> list[Call]:
     """Return the simulations of the random targets (experiments/shared_simulations.py). Those of NO_ROOM are those of EVERYTHING."""
     parts = [part for part in query(config).parts if part.domain == TWIN and part.versions["side"] != NO_ROOM]
     return [call for part in parts for call in copies.calls(part.config)]
 
 
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, *read(query(config), store, progress))
+def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of one draw."""
+    measured, sides = revolutions(frame), by_side(frame)
+    rows = {name: (name, measured, copied(config, sides[name])) for name in sides}
+    rows[NO_LEVEL] = (NO_LEVEL, without(measured, BRIGHTNESS), without(rows[EVERYTHING][2], BRIGHTNESS))
+    of = frame.assign(side="")  # each row names the recordings of all simulations
+    return compared_trainings(config, of, "simulation", [rows[name] for name in (EVERYTHING, *HELPS)], HELPS)
 
 
-def score(config: Config, frame: Frame, copied: Copied) -> Result:
-    """Build the table of each simulation and probe."""
+def _listed(row: Row) -> bool:
+    """Leave out the rows of other tables: encoder_comparison and labelled_probe have the whole simulation, the latter also the rival."""
+    return row["simulation"] != EVERYTHING and (row["probe"] == TEXT or RIVAL not in row["simulation"])
 
-    def cells(draw_frame: Frame) -> Iterator[Cell]:
-        measured, sides = revolutions(draw_frame), by_side(draw_frame)
-        rows = {name: (name, measured, copied(config, sides[name])) for name in sides}
-        rows[NO_LEVEL] = (NO_LEVEL, without(measured, BRIGHTNESS), without(rows[EVERYTHING][2], BRIGHTNESS))
-        of = draw_frame.assign(side="")  # each row names the recordings of all simulations
-        return compared_trainings(config, of, "simulation", [rows[name] for name in (EVERYTHING, *HELPS)], HELPS)
 
-    rows = table_rows(config, frame, cells)
-    groups = grouped(rows, "probe", "simulation")
-    # encoder_comparison and labelled_probe have the rows of the whole simulation, and labelled_probe those of the rival with labels
-    kept = [row for row in rows if row["simulation"] != EVERYTHING and (row["probe"] == TEXT or RIVAL not in row["simulation"])]
-    return Result(TABLE.name, kept, {TABLE.name: lambda: bars(groups, "accuracy", grey=RIVAL)}, values(groups), keys(frame))
+PLOTS = accuracy_bars(TABLE.name, "probe", "simulation", RIVAL)
+run, recordings, score = framed(TABLE, query, cells, *PLOTS, copied=True, listed=_listed)

@@ -1,13 +1,9 @@
-"""Classify measured rover recordings by a random forest that is trained on simulated frames only. All rover recognition tables use this
-code.
+"""Classify measured rover recordings by a random forest that is trained on simulated frames only, as all rover recognition tables do.
 
-The features of simulated and measured frames are replaced by their ranks, separately for each domain and distance. The random forest is
-trained on the simulated frames. A measured recording gets the class that most of its frames get (paper: scene-level recognition,
-label-free). The "raw" baseline method chooses the object whose simulated range-time signature at the same distance is most similar. The
-drives of a split are those of one room, motion and simulation.
+Features are replaced by their ranks, separately for each domain and distance. A measured recording gets the class that most of its frames
+get (paper: scene-level recognition, label-free). The baseline "raw" chooses the object whose simulated range-time signature at the same
+distance is most similar. The drives of a split are those of one room, motion and simulation.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
@@ -44,9 +40,7 @@ def ranked_split(drives: Frame, classes: Mapping[str, str] | None = None) -> Spl
 
 
 def predict(config: Config, split: Split, change: Callable[[Split, int], Split] = lambda split, seed: split) -> list[NDArray]:
-    """Return the random forest's predictions (recordings,) for each seed. The function `change(split, seed)` may alter the training and
-    test rows before training.
-    """
+    """Return the forest's predictions (recordings,) for each seed, after `change(split, seed)` of the rows."""
     return [forest(change(split, seed), seed, config.supervision.trees) for seed in seeds(config)]
 
 

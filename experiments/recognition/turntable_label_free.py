@@ -1,47 +1,29 @@
 """Turntable without measured labels: does training on simulation alone recognise the attributes of an object, or the object itself?
 
-The encoder (a neural network) is trained on noisy copies of the simulated features. The predicted object is the object whose text
-embedding is nearest to the encoder's output. Paper (recognition, label-free): the accuracy for geometry is 0.72, and the largest geometry
-class has a share of 0.58. In the paper, the accuracy for material is 0.72, and the largest material class has a share of 0.67. In the
-paper, the object itself is not recognised.
+The encoder is trained on noisy copies of simulated features, and predicts the object whose text embedding is nearest to its output. Paper
+(recognition, label-free): geometry 0.72 (largest class 0.58), material 0.72 (largest class 0.67); the object itself is not recognised.
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 
 from experiments.campaign.frame import Frame
-from experiments.campaign.schedule import RecordingTask
 from experiments.cells import Cell
 from experiments.draws import Query
+from experiments.framed import framed
+from experiments.recognition import protocol
 from experiments.recognition.copies import Copied
-from experiments.recognition.plots import Panels
-from experiments.recognition.protocol import (
-    GEOMETRY,
-    MATERIAL,
-    SAME_MODELS,
-    Scored,
-    accuracy_result,
-    anchors,
-    at_chance,
-    correct,
-    encoders,
-    read,
-    settings,
-)  # fmt: skip
+from experiments.recognition.plots import accuracy_bars
+from experiments.recognition.protocol import GEOMETRY, MATERIAL, Scored, correct, settings
 from experiments.recognition.readings import MOTION, revolutions
 from experiments.recognition.transfer import ranked
 from experiments.verdicts import NONE, Claim
 from radartwin.config.config import Config
-from radartwin.io.progress import Progress
 from radartwin.recognize.encoder import nearest_text
 from radartwin.recognize.probes import transferred_probe
 from radartwin.recognize.score import majority_share, uniform_chance
 from radartwin.recognize.split import label_free
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
+from radartwin.runs.experiment import Table
 
 TABLE = Table(
     name="turntable_label_free",
@@ -60,23 +42,10 @@ def query(config: Config) -> Query:
     return Query(config, (MOTION,), several=True, unknown=True, exact=True)
 
 
-def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
-    return query(config).recordings(store, progress)
-
-
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, *read(query(config), store, progress))
-
-
-def score(config: Config, frame: Frame, copied: Copied) -> Result:
-    """Build the table for each attribute (geometry, material) and method, and for the object itself."""
-    return accuracy_result(TABLE, config, frame, partial(cells, config, copied), "attribute", RANKS)
-
-
-def cells(config: Config, copied: Copied, panels: Panels, frame: Frame) -> Iterator[Cell]:
-    """Declare the cells of one draw, and put the answers of the first draw on the object itself into `panels`."""
+def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of one draw."""
     split = label_free(ranked(copied(config, frame)), ranked(revolutions(frame)))
-    trained = encoders(config, split)
+    trained = protocol.encoders(config, split)
     for attribute, classes in (("geometry", GEOMETRY), ("material", MATERIAL)):
         embedded = [[encoder.embedded(rows.relabelled(classes)) for rows in (split.train, split.test)] for encoder in trained]
         plain = label_free(split.train.relabelled(classes), split.test.relabelled(classes))
@@ -86,10 +55,12 @@ def cells(config: Config, copied: Copied, panels: Panels, frame: Frame) -> Itera
             answers = [transferred_probe(method_split) for method_split in splits]
             case = {"supervision": "label_free", "attribute": attribute, "method": method}
             yield scored.accuracy(case, correct(answers, plain.test.label), claimed, answers=answers)
-    texts, temperature = anchors(split.test.classes), settings(config).temperature
+    texts, temperature = protocol.anchors(split.test.classes), settings(config).temperature
     names = [nearest_text(encoder, split.unlabelled, texts, temperature) for encoder in trained]
-    panels.setdefault("nearest description", (split.test.label, names[0]))
-    chance = uniform_chance(split.test)
+    panel, chance = ("nearest description", split.test.label, names[0]), uniform_chance(split.test)
     case = {"supervision": "label_free", "attribute": "identity", "method": ENCODER}
-    claim = replace(at_chance("identity stays at chance", "does not transfer", chance), untestable=SAME_MODELS)
-    yield Scored(config, split.test, frame, chance).accuracy(case, correct(names, split.test.label), claim)
+    claim = replace(protocol.at_chance("identity stays at chance", "does not transfer", chance), untestable=protocol.SAME_MODELS)
+    yield Scored(config, split.test, frame, chance).accuracy(case, correct(names, split.test.label), claim, panel=panel)
+
+
+run, recordings, score = framed(TABLE, query, cells, *accuracy_bars(TABLE.name, "attribute", grey=RANKS, confusion=True), copied=True)

@@ -1,36 +1,26 @@
 """Unlabelled adaptation: how much do unlabelled measured recordings help an encoder that is trained on simulation alone?
 
-The two-layer network classifies measured turntable revolutions without any measured class label. The methods differ in how they use the
-unlabelled measured batch (radartwin.recognize.adaptation and alignment):
-- "none" scales the measured features by the mean and the spread of the simulated features.
-- "statistics" standardises each domain by its own mean and spread, as all other tables do. This method assumes equally frequent classes.
-- "weighted statistics" gives the measured batch the mean and spread of simulated rows that are weighted by class shares. The shares are
-  estimated from the batch.
-- "continued training" trains the encoder further on simulated rows alone, as the control of the two methods below.
-- "prototypes" and "views" train the encoder further with an additional loss of the unlabelled measured rows. The loss of "prototypes" moves
-  a row towards its nearest text, with more weight for more confident rows. The loss of "views" moves the embeddings of two noisy versions
-  of a row close together.
-In the balanced batch, all classes are equally frequent. In the skewed batch, a third of the classes has a single recording.
+The two-layer network classifies measured turntable revolutions without labels. "none" scales the measured features by mean and spread of
+the simulated ones, "statistics" (as all other tables) each domain by its own, and "weighted statistics" by those of simulated rows weighted
+by estimated class shares. "continued training" trains further on simulated rows; "prototypes" and "views" add a loss that moves measured
+rows towards their nearest text, or two noisy versions of a row together. In the skewed batch, a third of the classes has a single
+recording.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from experiments.campaign.frame import Frame
-from experiments.cells import Cell, keys, table_rows
-from experiments.draws import Query
+from experiments.cells import Cell
+from experiments.framed import framed
 from experiments.recognition.copies import Copied
-from experiments.recognition.plots import bars, grouped, values
-from experiments.recognition.protocol import Scored, anchors, read, scaled, seeds, settings
-from experiments.recognition.readings import MOTION, revolutions
+from experiments.recognition.plots import accuracy_bars
+from experiments.recognition.protocol import Scored, anchors, scaled, seeds, settings
+from experiments.recognition.readings import TURNTABLE, revolutions
 from experiments.verdicts import Claim
 from radartwin.config.config import Config
-from radartwin.io.progress import Progress
 from radartwin.recognize.adaptation import skewed, weighted_statistics
 from radartwin.recognize.continued_training import Alignment, align
 from radartwin.recognize.encoder import Encoder, nearest_text, text_scores
@@ -39,8 +29,7 @@ from radartwin.recognize.samples import Samples, Unlabelled
 from radartwin.recognize.score import uniform_chance
 from radartwin.recognize.split import label_free
 from radartwin.recognize.training import fit
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
+from radartwin.runs.experiment import Table
 
 TABLE = Table(
     name="unlabelled_adaptation",
@@ -56,17 +45,6 @@ NONE, STATISTICS, WEIGHTED, CONTINUED, PROTOTYPES, VIEWS = (
 )  # fmt: skip
 ALIGNMENTS = {CONTINUED: Alignment(weight=0.0), PROTOTYPES: Alignment(), VIEWS: Alignment("views", 0.1)}
 METHODS = (NONE, STATISTICS, WEIGHTED, *ALIGNMENTS)
-
-
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, *read(Query(config, (MOTION,), several=True), store, progress))
-
-
-def score(config: Config, frame: Frame, copied: Copied) -> Result:
-    """Build the table of each batch and method."""
-    rows = table_rows(config, frame, partial(cells, config, copied))
-    groups = grouped(rows, "batch")
-    return Result(TABLE.name, rows, {TABLE.name: lambda: bars(groups, "accuracy", grey=NONE)}, values(groups), keys(frame))
 
 
 def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
@@ -120,3 +98,6 @@ def _predict(
     if method in ALIGNMENTS:
         encoder = align(encoder, label_free(simulated, adapted), texts, encoder_settings, seed, ALIGNMENTS[method])
     return nearest_text(encoder, adapted.unlabelled(), texts, encoder_settings.temperature)
+
+
+run, recordings, score = framed(TABLE, TURNTABLE, cells, *accuracy_bars(TABLE.name, "batch", grey=NONE), copied=True)

@@ -1,30 +1,19 @@
 """Figures of the rover tables: range-time maps, rank correlations by feature family, agreement along object, distance and room."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED
 from experiments.campaign.frame import Frame
-from experiments.drawing import range_map
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure, range_map
 from radartwin.features.profile import FAR_M, NEAR_M
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.scene.objects.catalogue import catalogue
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SHOWN = ("corner_reflector", "can_211_400", "mug", "mustard")  # the reflector and one object of each material class
 SPAN_DB = 50.0
 
 
 def panels_figure(frame: Frame) -> Figure:
-    """Draw range-time maps of up to four objects at one place, preferably a drive along the line of sight ("depth").
-
-    The levels of each map are relative to the maximum of the map.
-    """
+    """Draw range-time maps of up to four objects at one place, preferably of a "depth" drive, each relative to its maximum."""
     places = [place for place, _ in frame.groupby(["room", "motion", "distance_m"])]
     place = next((candidate for candidate in places if candidate[1] == "depth"), places[0])
     here = frame[(frame.room == place[0]) & (frame.motion == place[1]) & (frame.distance_m == place[2])]
@@ -68,9 +57,7 @@ def correlation_figure(agreements: Frame) -> Figure:
 
 
 def slices_figure(slices: dict[tuple[str, str], np.ndarray]) -> Figure:
-    """Draw histograms of agreement: rank correlations over objects and over distances, and whether features change in the same direction
-    between rooms.
-    """
+    """Draw histograms of the agreement over objects and over distances, and of its direction between rooms."""
     motions = list(dict.fromkeys(motion for motion, _ in slices))
     drawing, panels = figure(1, len(motions), width_in=PAGE_WIDTH_IN, height_in=2.4, sharey=True, squeeze=False)
     for panel, motion in zip(panels[0], motions, strict=True):

@@ -1,16 +1,13 @@
 """Are the detections of a measured drive where the simulated drive has detections, frame by frame?
 
-Both recordings of a drive give one point cloud per frame (radartwin.features.cloud). The table compares the measured and the simulated
-cloud of each frame of the logged motion. In a control, the simulated cloud is moved along range by several distances. A detection that
-leaves the range profile at one end enters it again at the other end. The control keeps the number, the spacing and the azimuths of the
-detections, and removes the agreement in range.
+The table compares the measured and the simulated point cloud of each frame (radartwin.features.cloud). In a control, the simulated cloud is
+moved along range, and around the end of the profile, by several distances, which keeps number, spacing and azimuths of the detections and
+removes the agreement in range.
 """
-
-from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,21 +15,16 @@ from numpy.typing import NDArray
 
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, ROVER, TWIN
 from experiments.campaign.frame import Column, Frame
-from experiments.cells import Cell, first_draw, keys, mean, paired, table_rows
-from experiments.draws import Query
+from experiments.cells import Cell, mean, paired
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure
+from experiments.framed import framed
 from experiments.rover.rover_fidelity import WHERE
 from experiments.statistics import POSITIVE, SHARE, SIGNED
 from experiments.verdicts import NONE, Claim
 from radartwin.config.config import Config
 from radartwin.features import cloud
 from radartwin.features.profile import FAR_M, NEAR_M
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from radartwin.runs.experiment import Table
 
 NEAR_RANGE_M, NEAR_AZIMUTH_RAD = 0.1, np.deg2rad(15.0)  # limits within which two detections agree
 
@@ -62,18 +54,7 @@ GAIN = "measured detections that are simulated, above the control"
 Clouds = Sequence[NDArray[np.float64]]  # the detections of each frame: (N, 2) range in metres and azimuth in radians
 
 
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Query(config, MOTIONS).frame(store, progress))
-
-
-def score(config: Config, frame: Frame) -> Result:
-    """Build the table of all drives."""
-    rows = table_rows(config, frame, cells)
-    metrics = {f"found_{r['room']}_{r['motion']}": r["value"] for r in rows if r["metric"] == GAIN}
-    return Result(TABLE.name, rows, {"point_clouds": lambda: _figure(first_draw(frame))}, metrics, keys(frame))
-
-
-def cells(frame: Frame) -> Iterator[Cell]:
+def cells(config: Config, frame: Frame) -> Iterator[Cell]:
     """Declare the cells of each place (room, motion, distance), and of all drives of each room and motion."""
     pairs = paired(frame).sort_values(WHERE, ignore_index=True)
     drives = [clouds(pairs["detections" + end], pairs["nominal_m" + end]) for end in ("", "_twin")]
@@ -108,12 +89,8 @@ def compared(measured: Clouds, simulated: Clouds) -> dict[str, float]:
         values[CHAMFER].append(cloud.chamfer_m(points, twin_points))
         values[COUNTS[MEASURED]].append(float(len(points)))
         values[COUNTS[TWIN]].append(float(len(twin_points)))
-    return {metric: _mean(of_frames) for metric, of_frames in values.items()}
-
-
-def _mean(values: list[float]) -> float:
-    finite = np.array(values)[np.isfinite(values)]
-    return float(finite.mean()) if len(finite) else float("nan")
+    finite = {metric: np.array(of_frames)[np.isfinite(of_frames)] for metric, of_frames in values.items()}
+    return {metric: float(of_frames.mean()) if len(of_frames) else float("nan") for metric, of_frames in finite.items()}
 
 
 def _figure(frame: Frame) -> Figure:
@@ -134,3 +111,6 @@ def _figure(frame: Frame) -> Figure:
     panels[0, 0].set_ylabel("in front of the radar (m)")
     panels[0, 0].legend(loc="lower left")
     return drawing
+
+
+run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, {TABLE.name: _figure}, {"found_{room}_{motion}": {"metric": GAIN}})

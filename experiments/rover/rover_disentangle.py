@@ -1,17 +1,10 @@
 """Object, distance, room: which of these factors makes simulated features agree with measured features, and which makes them differ?
 
-A slice fixes two of the three factors and varies the third factor. An object slice gives the rank correlation between measured and
-simulated features over objects in one room at one distance. A distance slice gives the rank correlation between measured and simulated
-features over distances for one object in one room. A room slice gives, for one object at one distance, the share of features that change in
-the same direction between two rooms in measurement and simulation. The pooled correlation between measured and simulated features uses all
-objects and distances of a room together. The matched correlation between measured and simulated features is computed over the objects at
-each distance and then averaged. As in the paper, the table gives the pooled and the matched correlation of the feature with the highest
-value. The disagreement is the simulated minus the measured feature, each standardised over all recordings of its domain. The variance of
-the disagreement is divided among the main effects of object, distance and room, as a mean over features. Paper, disentangling object,
-distance and environment: pooled correlation about 0.8, matched correlation about 0.5; the environment factor dominates.
+A slice fixes two factors and varies the third: rank correlations over objects or distances, and the share of features that change in the
+same direction between two rooms. The pooled correlation uses all objects and distances of a room, the matched one the objects at each
+distance; as in the paper, the feature with the highest value counts. The variance of the disagreement (simulated minus measured,
+standardised) is divided among the factors. Paper: pooled about 0.8, matched about 0.5; the environment dominates.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
@@ -23,15 +16,13 @@ from numpy.typing import NDArray
 from experiments import statistics
 from experiments.campaign.cases import COMPARED, ROVER
 from experiments.campaign.frame import Frame, features
-from experiments.cells import Cell, first_draw, keys, table_rows, using
-from experiments.draws import Query
+from experiments.cells import Cell, using
+from experiments.framed import Figures, framed
 from experiments.rover.figures import slices_figure
 from experiments.statistics import Estimate
-from experiments.verdicts import NONE, Claim
+from experiments.verdicts import NONE, Claim, Row
 from radartwin.config.config import Config
-from radartwin.io.progress import Progress
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
+from radartwin.runs.experiment import Table
 
 TABLE = Table(
     name="rover_disentangle",
@@ -54,18 +45,6 @@ Statistic = Callable[[Levels], float]
 Limits = tuple[float, float]
 
 
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Query(config, MOTIONS).frame(store, progress))
-
-
-def score(config: Config, frame: Frame) -> Result:
-    """Build the table rows for each motion. Slices for which the campaign has no recordings are left out."""
-    rows = table_rows(config, frame, cells)
-    metrics = {f"{r['metric'].replace(' ', '_')}_{r['motion']}": r["value"] for r in rows if r["case"] in ("pooled", "matched")}
-    slice_values = slices(first_draw(frame))
-    return Result(TABLE.name, rows, {"rover_slices": lambda: slices_figure(slice_values)} if slice_values else {}, metrics, keys(frame))
-
-
 def slices(frame: Frame) -> dict[tuple[str, str], NDArray]:
     """Return the values that the figure shows, by motion and factor."""
     by_slice = {}
@@ -85,7 +64,7 @@ def standardised(drives: Frame) -> Levels:
     return dict(zip(both[0].index, np.stack(scaled, axis=1), strict=True))
 
 
-def cells(frame: Frame) -> Iterator[Cell]:
+def cells(config: Config, frame: Frame) -> Iterator[Cell]:
     """Declare the cells of the slices, of the pooled and matched correlations, and of the effects of the factors, for each motion."""
     for motion, drives in frame.groupby("motion"):
         levels = standardised(drives)
@@ -109,13 +88,16 @@ def statistics_of(levels: Levels) -> Iterator[tuple[str, str, Statistic, Limits,
     for factor in (shares := effects(levels)):
         yield factor, SHARE, lambda resampled, of=factor: effects(resampled).get(of, float("nan")), statistics.SHARE, NONE
     if len(shares) == len(POSITIONS):
-        yield "room less the larger of the others", SHARE, _room_lead, statistics.SIGNED, ROOM_FIRST
+
+        def lead(resampled: Levels) -> float:
+            of = effects(resampled)
+            return of["room"] - max(of["object"], of["distance"])
+
+        yield "room less the larger of the others", SHARE, lead, statistics.SIGNED, ROOM_FIRST
 
 
 def slice_correlations(levels: Levels, factor: str) -> NDArray[np.floating]:
-    """Compute the rank correlation of every feature in every slice along a factor. Slices with fewer than three values of the factor
-    are left out.
-    """
+    """Compute the rank correlation of every feature in every slice along a factor with three values or more."""
     slices = _grouped(levels, lambda label: tuple(part for i, part in enumerate(label) if i != POSITIONS[factor]))
     correlations = [_rank_correlations(members) for members in slices if len(members) >= 3]
     values = np.concatenate(correlations) if correlations else np.zeros(0)
@@ -123,10 +105,7 @@ def slice_correlations(levels: Levels, factor: str) -> NDArray[np.floating]:
 
 
 def room_signs(levels: Levels) -> NDArray[np.floating]:
-    """Return 1 or 0 for each object, distance, pair of rooms and feature, in one array.
-
-    The entry is 1 if the feature is higher in the same one of the two rooms in measurement and simulation. Unchanged features are left out.
-    """
+    """Return for each object, distance, pair of rooms and changed feature whether it is higher in the same room in both domains."""
     signs = []
     rooms = sorted({room for _, room, _ in levels})
     for name, room, distance in levels:
@@ -139,25 +118,18 @@ def room_signs(levels: Levels) -> NDArray[np.floating]:
 
 
 def pooled(levels: Levels) -> NDArray[np.floating]:
-    """Return the rank correlation between measured and simulated values of each feature (features,). The correlation is computed over all
-    objects and distances of a room, and then averaged over rooms.
-    """
+    """Return the rank correlation of each feature (features,) over all objects and distances of a room, averaged over rooms."""
     return _mean_correlation(levels, lambda label: label[1])
 
 
 def matched(levels: Levels) -> NDArray[np.floating]:
-    """Return the rank correlation between measured and simulated values of each feature (features,). The correlation is computed over the
-    objects at each room and distance, and then averaged.
-    """
+    """Return the rank correlation of each feature (features,) over the objects at each room and distance, averaged."""
     return _mean_correlation(levels, lambda label: label[1:])
 
 
 def effects(levels: Levels) -> dict[str, float]:
-    """Compute the main effect of each factor on the disagreement (simulated minus measured), as a mean over features.
-
-    The effect of a factor is the share of the variance that the means at the factor's levels explain, per degree of freedom (number of
-    levels minus one). The division is needed because a factor with more levels explains more variance even if it has no effect. Factors
-    with only one level (such as a single room) are left out.
+    """Compute the effect of each factor on the disagreement: the share of the variance that the means of its levels explain, per degree of
+    freedom (levels minus one), because more levels explain more. Factors with a single level are left out.
     """
     labels = list(levels)
     gap = np.stack([values[1] - values[0] for values in levels.values()])
@@ -182,11 +154,6 @@ def inflation(levels: Levels) -> float:
     return float(np.nanmax(pooled(levels)) - np.nanmax(matched(levels)))
 
 
-def _room_lead(levels: Levels) -> float:
-    shares = effects(levels)
-    return shares["room"] - max(shares["object"], shares["distance"])
-
-
 def _mean_of(of: Callable[[Levels], NDArray], levels: Levels) -> float:
     values = of(levels)
     return float(values.mean()) if len(values) else float("nan")
@@ -201,9 +168,7 @@ def _grouped(levels: Levels, group: Callable[[Label], Any]) -> list[NDArray]:
 
 
 def _mean_correlation(levels: Levels, group: Callable[[Label], Any]) -> NDArray[np.floating]:
-    """Return the rank correlation of measured and simulated values, as a mean over groups, for each feature (features,). Groups in which a
-    feature is constant do not count; NaN if no group is left.
-    """
+    """Return the rank correlation of measured and simulated values (features,), as a mean over the groups where a feature varies."""
     correlations = np.stack([_rank_correlations(members) for members in _grouped(levels, group)])
     finite = np.isfinite(correlations)
     return np.where(finite.any(axis=0), np.where(finite, correlations, 0).sum(axis=0) / np.maximum(finite.sum(axis=0), 1), np.nan)
@@ -213,32 +178,28 @@ def _rank_correlations(values: NDArray) -> NDArray[np.floating]:
     """Return the Spearman correlations (features,) of measured and simulated values (n, 2, features); NaN for a constant feature."""
     from scipy.stats import rankdata
 
-    first, second = (rankdata(values[:, side], axis=0) for side in (0, 1))
-    first, second = first - first.mean(axis=0), second - second.mean(axis=0)
-    norm = np.sqrt(np.sum(first**2, axis=0) * np.sum(second**2, axis=0))
-    return np.divide(np.sum(first * second, axis=0), norm, out=np.full(len(norm), np.nan), where=norm > 0)
+    first, second = np.moveaxis(rankdata(values, axis=0), 0, 2)
+    return statistics.pearson(first, second)
 
 
 def bootstrap(
     levels: Levels, statistic: Callable[[Levels], float], resamples: int, seed: int, limits: tuple[float, float] = statistics.ANY
 ) -> Estimate:
-    """Compute a statistic, and its interval by a bootstrap over objects. An object that the bootstrap draws contributes its values in all
-    rooms and at all distances.
-
-    At most MOST_DRAWN resamples are drawn. The interval is widened for few objects (`statistics.widening`) and clipped to `limits`, the
-    smallest and largest value that the statistic can have.
-    """
+    """Compute a statistic and its interval by at most MOST_DRAWN resamples of whole objects, widened and clipped to `limits`."""
     names = sorted({name for name, _, _ in levels})
     rng = np.random.default_rng(seed)
     drawn = []
     for _ in range(min(resamples, MOST_DRAWN)):
-        index = rng.choice(len(names), len(names))
-        again = {
-            (str(number), room, distance): values
-            for number, i in enumerate(index)
-            for (name, room, distance), values in levels.items()
-            if name == names[i]
-        }
-        drawn.append(statistic(again))
+        again = list(enumerate(names[i] for i in rng.choice(len(names), len(names))))
+        drawn.append(statistic({(str(k), *at[1:]): values for k, name in again for at, values in levels.items() if at[0] == name}))
     value = statistic(levels)
     return statistics.resampled(value, np.clip(statistics.widened(np.array(drawn), value, len(names)), *limits), len(names), limits)
+
+
+def _figures(rows: list[Row], first: Frame) -> Figures:
+    slice_values = slices(first)  # without those for which the campaign has no recordings
+    return {"rover_slices": lambda: slices_figure(slice_values)} if slice_values else {}
+
+
+METRICS = {"highest_correlation_of_a_feature_{motion}": {"case": "matched"}}
+run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, _figures, METRICS)

@@ -1,13 +1,9 @@
 """Does the simulated signal follow the measured signal along a drive, and do simulated and measured features rank the objects equally?
 
-The start of the simulated drive is aligned with the start of the measured drive by correlating the target energies of both. Range profiles
-are compared as amplitudes from 0.3 to 5.5 m. Some rows give the share of features with a positive rank correlation over objects. Another
-row gives the share of places where the brightness contrast of metal and plastic has the same sign in both domains. Features depend on each
-other, and places with the same objects depend on each other. The p values of both shares therefore come from permutations of the objects;
-the paper reports binomial p values, which are too small. Paper: signal fidelity along trajectories.
+The starts of both drives are aligned by correlating their target energies. Range profiles are compared as amplitudes from 0.3 to 5.5 m.
+Features depend on each other, and so do places with the same objects; the p values of the shares of features and of places therefore come
+from permutations of the objects, while the binomial p values of the paper are too small. Paper: signal fidelity along trajectories.
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -21,8 +17,8 @@ from numpy.typing import NDArray
 from experiments import statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, ROVER
 from experiments.campaign.frame import Frame, features
-from experiments.cells import Cell, first_draw, keys, mean, paired, per, table_rows, using
-from experiments.draws import Query
+from experiments.cells import Cell, mean, paired, per, using
+from experiments.framed import framed
 from experiments.rover.figures import correlation_figure, panels_figure
 from experiments.statistics import Estimate
 from experiments.verdicts import NONE, Claim
@@ -32,9 +28,7 @@ from radartwin.features.align import overlap, start_offset
 from radartwin.features.doppler import range_rate
 from radartwin.features.families import BRIGHTNESS
 from radartwin.features.profile import profile_correlation
-from radartwin.io.progress import Progress
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
+from radartwin.runs.experiment import Table
 
 TABLE = Table(
     name="rover_fidelity",
@@ -66,23 +60,7 @@ Place = tuple[str, str, float]  # room, motion, distance
 Series = tuple[NDArray, NDArray]
 
 
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Query(config, MOTIONS).frame(store, progress))
-
-
-def score(config: Config, frame: Frame) -> Result:
-    """Build the table of all drives."""
-    rows, first = table_rows(config, frame, cells), first_draw(frame)
-    figures = {
-        "rover_panels": lambda: panels_figure(first),
-        "rover_feature_correlations": lambda: correlation_figure(agreements(first)),
-    }
-    shares = [r for r in rows if r["metric"] == "share of features that order objects alike"]
-    metrics = {f"share_alike_{r['room']}_{r['motion']}": r["value"] for r in shares}
-    return Result(TABLE.name, rows, figures, metrics, keys(frame))
-
-
-def cells(frame: Frame) -> Iterator[Cell]:
+def cells(config: Config, frame: Frame) -> Iterator[Cell]:
     """Declare the cells of each room, motion and distance, and of all of them together."""
     for place, here in frame.groupby(WHERE):
         yield from _signals(here, place)
@@ -91,10 +69,7 @@ def cells(frame: Frame) -> Iterator[Cell]:
 
 
 def agreements(frame: Frame) -> Frame:
-    """Return the rank correlation `rho` between measured and simulated values of each feature (columns `feature` and `family`) over the
-    objects at each place (columns WHERE) with three or more objects. Features without variation between the objects in either domain are
-    left out.
-    """
+    """Return the rank correlation `rho` over the objects of each place (three or more) for each feature that varies in both domains."""
     rows = []
     for place, here in frame.groupby(WHERE):
         if here.object.nunique() > 2:
@@ -120,11 +95,7 @@ def _case(label: str, place: tuple[str, str, float | None] = ("all", "all", None
 
 
 def aligned(first: Series, second: Series) -> tuple[NDArray, NDArray]:
-    """Return the tracked ranges of two drives in the frames that both drives have, after the offset between their starts is removed.
-
-    Args:
-        first, second: energy in the target gate and tracked range in metres of each drive, (F,) each.
-    """
+    """Return the tracked ranges (F,) of two drives in the frames that both drives have, without the offset between their starts."""
     try:
         late = start_offset(first[0], second[0], max(1, len(first[0]) // 4))
     except InputError:  # the target's energy is constant or below the noise, so the logged start is used
@@ -153,9 +124,7 @@ def _signals(here: Frame, place: Place) -> Iterator[Cell]:
 
 
 def _orders(frame: Frame) -> Iterator[Cell]:
-    """Declare the share of positive rank correlations and the mean correlation of each feature family, for each room and motion. The last
-    cell is the share of features whose mean rank correlation does not exceed that of the feature `multipath share`.
-    """
+    """Declare the share of positive rank correlations and the mean of each family at a room and motion, and the rank of MULTIPATH."""
     correlations = agreements(frame)
     ordered = frame.merge(correlations[WHERE].drop_duplicates())
     for (room, motion), group in correlations.groupby(["room", "motion"]):
@@ -190,9 +159,7 @@ def share_alike(rows: Frame, resamples: int, seed: int) -> Estimate:
 
 
 def _positive_shuffled(measured: NDArray, simulated: NDArray, orders: NDArray) -> NDArray[np.bool_]:
-    """Return (permutations, features) whether the rank correlation over the objects of a place is positive after the simulated objects are
-    permuted. The permutation of these objects is their order by the numbers `orders` (permutations, objects).
-    """
+    """Return (permutations, features) whether the correlation is positive after the simulated objects are sorted by `orders`."""
     from scipy.stats import rankdata
 
     ranks, twin_ranks = (rankdata(values, axis=0) - (len(values) + 1) / 2 for values in (measured, simulated))
@@ -204,9 +171,7 @@ def _positive_shuffled(measured: NDArray, simulated: NDArray, orders: NDArray) -
 
 
 def _materials(frame: Frame) -> Iterator[Cell]:
-    """Declare the brightness contrast (metal minus plastic, dB) of each place and domain, the share of places where the contrast has the
-    same sign in measurement and simulation, and the ratio of simulated to measured contrast.
-    """
+    """Declare the contrast of metal and plastic at each place and domain, the share of places with one sign, and the ratio."""
     frame = frame[frame.material_class.isin(["metal", "plastic"])]
     both = frame.groupby(WHERE).filter(lambda here: here.material_class.nunique() == 2)
     if both.empty:
@@ -230,16 +195,12 @@ def _materials(frame: Frame) -> Iterator[Cell]:
 
 
 def contrast_test(levels: NDArray, metal: NDArray[np.bool_]) -> float:
-    """Return the p value of the test whether the brightness contrast of metal and plastic has one sign in both domains.
+    """Return the p value of the test whether the brightness contrast of metal and plastic has one sign in both domains, from the levels
+    (2, objects, places) in dB, NaN where an object is missing.
 
     The test assigns the material labels to the objects in every possible way, the same at all places, because the places share the objects.
-    In each domain, p is the share of assignments whose mean contrast over places is at least as far from zero as the contrast of the true
-    labels. The claim needs a contrast in both domains, so the larger of the two p values counts. p is 1 if the contrasts have different
-    signs.
-
-    Args:
-        levels: (2, objects, places) brightness in dB in both domains, NaN where an object is missing.
-        metal: (objects,) whether an object is of metal; the other objects are of plastic.
+    In each domain, p is the share of assignments whose mean contrast over places is at least as far from zero as that of the true labels.
+    The larger p counts, because the claim needs a contrast in both domains. p is 1 if the contrasts have different signs.
     """
     count, metal_count = len(metal), int(metal.sum())
     assigned = [np.isin(np.arange(count), members) for members in combinations(range(count), metal_count)]
@@ -253,11 +214,7 @@ def contrast_test(levels: NDArray, metal: NDArray[np.bool_]) -> float:
 
 
 def _ratio(pairs: NDArray, resamples: int, seed: int) -> Estimate:
-    """Estimate the mean simulated brightness contrast divided by the mean measured contrast, from `pairs` (places, 2), with a bootstrap
-    over places.
-
-    The ratio counts as infinite in a resample whose mean measured contrast is not above zero.
-    """
+    """Estimate the simulated over the measured contrast of `pairs` (places, 2); without a measured contrast it is infinite."""
     value = float(pairs[:, 1].mean() / pairs[:, 0].mean()) if pairs[:, 0].mean() > 0 else float("nan")
     forward, back = statistics.SCALES[statistics.LOG]
     drawn = pairs[np.random.default_rng(seed).integers(len(pairs), size=(resamples, len(pairs)))].mean(axis=1)
@@ -265,3 +222,8 @@ def _ratio(pairs: NDArray, resamples: int, seed: int) -> Estimate:
         ratios = np.where(drawn[:, 0] > 0, drawn[:, 1] / drawn[:, 0], np.inf)
         ratios = back(statistics.widened(forward(ratios), float(forward(value)), len(pairs)))
     return replace(statistics.resampled(value, ratios, len(pairs), statistics.POSITIVE), scale=statistics.LOG, unit="places")
+
+
+FIGURES = {"rover_panels": panels_figure, "rover_feature_correlations": lambda first: correlation_figure(agreements(first))}
+METRICS = {"share_alike_{room}_{motion}": {"metric": "share of features that order objects alike"}}
+run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, FIGURES, METRICS)

@@ -1,7 +1,5 @@
 """Compute the distance of a reconstructed mesh from the true scene, and the share of the seen true surface that the mesh contains."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,30 +28,19 @@ FIT_POINTS, COMPARED_POINTS = 10_000, 100_000  # numbers of random samples of th
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Distances between a reconstructed mesh and the true scene, and shares of the true surface.
-
-    Attributes:
-        median_m, p95_m: median and 95 % quantile of the distance in metres from the mesh to the true surfaces. Before the distance is
-            computed, the mesh is moved by the best-fitting rigid motion, because the coordinate frame of a scan is arbitrary.
-        coverage: share of the true area seen by the sensor that is within COVERED_M of the mesh, after the rigid motion of the mesh.
-        seen: share of the true area that the sensor saw.
-        move: the rigid motion (4, 4).
+    """Distances in metres from a reconstructed mesh to the true surfaces, and shares of the true surface, after the best-fitting rigid
+    motion of the mesh, because the coordinate frame of a scan is arbitrary.
     """
 
     median_m: float
-    p95_m: float
-    coverage: float
-    seen: float
-    move: np.ndarray
+    p95_m: float  # 95 % quantile
+    coverage: float  # share of the true area seen by the sensor that is within COVERED_M of the mesh
+    seen: float  # share of the true area that the sensor saw
+    move: np.ndarray  # (4, 4) the rigid motion
 
 
 def accuracy(mesh: trimesh.Trimesh, scene: Scene, truth: ScanTruth, frames: Frames) -> Accuracy:
-    """Compare a mesh that was fused from a simulated phone scan with the true scene.
-
-    Args:
-        truth: true camera poses of the scan, and the true surface and depth of each pixel.
-        frames: depth frames of the scan; the comparison uses their camera intrinsics.
-    """
+    """Compare a mesh that was fused from the depth `frames` of a simulated phone scan with the true scene, camera poses and pixels."""
     nearest = Nearest([s.mesh for s in scene], SAMPLE_M)
     points = _subset(covered(np.asarray(mesh.triangles), SAMPLE_M)[0], COMPARED_POINTS)
     move = fitted(points, nearest)
@@ -83,13 +70,10 @@ def accuracy(mesh: trimesh.Trimesh, scene: Scene, truth: ScanTruth, frames: Fram
 
 
 def profile_error_db(scene: Scene, truth: Scene, move: np.ndarray, cameras: np.ndarray) -> float:
-    """Return the rms difference in dB between the range profiles of a reconstructed and of the true room.
+    """Return the rms difference in dB between the range profiles of a reconstructed and of the true room, at most with one diffraction.
 
-    All surfaces of both rooms are metal, so that the difference is due to geometry alone. The paths have at most one diffraction.
-
-    Args:
-        move: rigid motion (4, 4) from the coordinates of the reconstruction to those of the true room.
-        cameras: (N, 4, 4) poses of the scan. The radar looks from PLACES of them in the direction of the camera.
+    All surfaces are metal, so that geometry alone makes the difference. `move` (4, 4) leads from the reconstruction to the true room. The
+    radar looks from PLACES of the camera poses (N, 4, 4) in the direction of the camera.
     """
     radar = Radar.iwr1843()
     poses = [look_at(cameras[k, :3, 3], cameras[k, :3, 3] + cameras[k, :3, 2]) for k in distinct_views(cameras, PLACES)]
@@ -135,11 +119,8 @@ def _subset(points: np.ndarray, count: int) -> np.ndarray:
 
 
 def sighted(truth: ScanTruth, frames: Frames) -> Sighted:
-    """Return a function that decides which points of the scene a simulated scan saw, for `experiments.scans.segment_score`.
-
-    A pixel counts as having seen a point if three conditions hold. The surface of the point faces the camera. The ray of the pixel hits
-    this surface. The true depth of the pixel equals the depth at which its ray crosses the plane of the surface through the point.
-    Therefore the far side of a thin plate does not count as seen.
+    """Return a function that decides which points a scan saw: their surface faces the camera, a pixel hits it, and the true depth of this
+    pixel is where its ray crosses the plane of the surface at the point.
     """
     lenses = [frame.intrinsics for frame in frames]
     height, width = truth.depth_m.shape[1:]

@@ -1,34 +1,26 @@
 """Accuracy of the materials that three sources assign to scanned surfaces, and the reflection error of wrong materials.
 
-The surfaces of the simulated phone scans (`experiments.scans.virtual_scan`) get a material label from the recorded answers of the
-vision-language model, from one uniform material, or at random. Material labels are scored by surface area. A material label is right if its
-material belongs to the true category of the image data set MINC; for the category `other`, it must also be close. A label is close if the
-reflectivity of its material differs from that of the true material by at most 1 dB, as a mean of the absolute difference over angles of
-incidence. For example, the label plaster is close to a true paint surface, but the label metal is not close to a true wood surface. The
-table then compares the mean reflection error of each source in decibels with that of uniform plasterboard.
+The surfaces of the simulated phone scans get labels from the recorded answers of the vision-language model, from one uniform material, or
+at random, and are scored by area. A label is close if its reflectivity differs from that of the true material by at most 1 dB, as a mean of
+the absolute difference over angles of incidence (plaster for a paint surface, but not metal for wood). It is right if it belongs to the
+true category of the data set MINC; for the category `other`, it must also be close. The mean reflection error of each source is then
+compared with that of uniform plasterboard.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from experiments import statistics, verdicts
+from experiments.drawing import Figure
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.scans import virtual_scan
 from experiments.statistics import Estimate
-from radartwin.config.config import Config
-from radartwin.io.progress import Progress
 from radartwin.label.material_score import CLOSE_DB, Judged, accuracy_table, judge
 from radartwin.label.material_sources import material_source, without_fragments
-from radartwin.runs.experiment import Result, Table
 from radartwin.scene import rooms
 from radartwin.scene.scene import Scene
-from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="labels",
@@ -42,11 +34,7 @@ TABLE = Table(
     "at the effective number of surfaces; intervals of the gain are bootstraps over surfaces.",
 )
 
-SOURCES: dict[str, dict[str, Any]] = {
-    "vlm": {"missing": "plasterboard"},
-    "uniform": {"material": "plasterboard"},
-    "random": {"p": 1.0},
-}
+SOURCES: dict[str, dict[str, Any]] = {"vlm": {"missing": "plasterboard"}, "uniform": {"material": "plasterboard"}, "random": {"p": 1.0}}
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
@@ -61,7 +49,11 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
         scene, truth = virtual_scan.scene_of(product), rooms.room(room, detail="cluttered")
         judged: dict[str, Sequence[Judged]] = {}
         for source in SOURCES:
-            labelled[room, source] = _labelled(source, scene, truth, config.seed)
+            if source == "random":  # labels are drawn from the categories of the room; the right category is never drawn
+                true = material_source("true", scene=truth)(without_fragments(scene, truth))
+                labelled[room, source] = material_source(source, seed=config.seed, **SOURCES[source])(true)
+            else:
+                labelled[room, source] = material_source(source, **SOURCES[source])(scene)
             judged[source] = judge(labelled[room, source], truth)
         rows += [_answered(room, labelled[room, "vlm"], product.key), *_rows(room, judged, product.key)]
         rows += [_beats(room, judged, source, config, product.key) for source in ("vlm", "random")]
@@ -76,13 +68,6 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     return Result(TABLE.name, rows, figures, metrics, keys)
 
 
-def _labelled(source: str, scene: Scene, truth: Scene, seed: int) -> Scene:
-    if source == "random":  # labels are drawn from the categories of the room; the right category is never drawn
-        scene = material_source("true", scene=truth)(without_fragments(scene, truth))
-        return material_source("random", seed=seed, **SOURCES[source])(scene)
-    return material_source(source, **SOURCES[source])(scene)
-
-
 def _row(room: str, source: str, area_m2: float, metric: str, estimate: Estimate, key: str, category: str = "all", note: str = "",
          holds: bool | None = None) -> dict[str, Any]:  # fmt: skip
     return {
@@ -92,9 +77,7 @@ def _row(room: str, source: str, area_m2: float, metric: str, estimate: Estimate
 
 
 def _answered(room: str, scene: Scene, key: str) -> dict[str, Any]:
-    """Return a row with the share of the scan's area that has a recorded answer. Surfaces without a recorded answer get the
-    substitute material.
-    """
+    """Return a row with the share of the scan's area that has a recorded answer; the rest gets the substitute material."""
     area = np.array([s.mesh.area for s in scene])
     share = area[[s.provenance["source"] == "vlm" for s in scene]].sum() / area.sum()
     return _row(room, "vlm", float(area.sum()), "answered", statistics.exact(share, len(scene)), key)
@@ -126,11 +109,7 @@ def _rows(room: str, judged: dict[str, Sequence[Judged]], key: str) -> list[dict
 
 
 def _beats(room: str, judged: dict[str, Sequence[Judged]], source: str, config: Config, key: str) -> dict[str, Any]:
-    """Return a row with the mean reflection error of uniform plasterboard minus that of a material source, in dB.
-
-    The mean is weighted by area, and its confidence interval comes from a bootstrap over surfaces. Random labels are a control without a
-    verdict.
-    """
+    """Return a row with the mean error of plasterboard minus that of a source in dB, weighted by area. Random labels are a control."""
     areas = np.array([j.area_m2 for j in judged[source]])
     gain = np.array([u.distance_db - j.distance_db for u, j in zip(judged["uniform"], judged[source], strict=True)])
     mean = statistics.ratio(gain * areas, areas, config.profile.resamples, config.seed)

@@ -1,35 +1,27 @@
 """Measure the accuracy of reconstructed scans, and whether every true surface becomes one segment.
 
 Scans of procedural rooms (experiments/scans/virtual_scan.py) are compared with the true room, which the reconstruction never reads. The
-paper gives no accuracy of its scan, so the limits in this table are the project's own. Two limits need an explanation. A wall counts as one
-segment if the intersection over union of wall and segment exceeds 0.8. A wall that the reconstruction cuts at a door, or merges with a
-neighbouring wall, stays below the limit of 0.8. A wall that is partly hidden by furniture can exceed the limit, because area that the phone
-did not see does not lower the score. For glass, the limit requires only that half of the area is found, because a depth sensor measures
-nothing on glass, and the reconstruction completes a pane from its frame only.
+limits are the project's own, because the paper gives no accuracy of its scan. A wall counts as one segment if the intersection over union
+exceeds 0.8: one cut at a door or merged with a neighbour stays below, one partly hidden by furniture can exceed it, because area that the
+phone did not see does not count. Of glass only half of the area must be found, because a depth sensor measures nothing on it, and the pane
+is completed from its frame.
 """
-
-from __future__ import annotations
 
 import dataclasses
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from experiments import statistics, verdicts
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure
+from experiments.interface import Config, Progress, Result, Table
 from experiments.scans import virtual_scan
-from radartwin.config.config import Config
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
-from radartwin.runs.experiment import Result, Table
 from radartwin.scene import rooms
 from radartwin.scene.scene import Scene
 from radartwin.store.products import Product, Store, save_json
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="scan",
@@ -96,10 +88,7 @@ def fetch(config: Config, store: Store, room: str, strength: float, seed: int) -
 
 
 def scores(folder: Path, room: str, strength: float, seed: int) -> dict[str, Any]:
-    """Return the scores of a reconstructed scene folder against the true room.
-
-    The function simulates the scan again to find out which true surfaces the scan saw.
-    """
+    """Return the scores of a reconstructed scene against the true room. The scan is simulated again to find which surfaces it saw."""
     import trimesh
 
     from experiments.scans.accuracy import accuracy, profile_error_db, sighted
@@ -123,11 +112,7 @@ def scores(folder: Path, room: str, strength: float, seed: int) -> dict[str, Any
 
 
 def case_rows(room: str, strength: float, scans: Sequence[dict[str, Any]], resamples: int, seed: int, key: str) -> list[dict[str, Any]]:
-    """Return the rows of one room and strength of scanner errors.
-
-    Scores that describe a whole scan are averaged over scans. Scores that describe single surfaces are averaged over the scans of each
-    surface, and then over the surfaces.
-    """
+    """Return the rows of one room and strength; scores of a surface are averaged over its scans, and then over the surfaces."""
     surfaces = [s for scan in scans for s in scan["surfaces"]]
     clear = [s for scan in scans for s in scan["clear"]]
     split = [s for s in surfaces if s["segment"] != "-"]
@@ -187,9 +172,7 @@ def _figure(scores: dict[tuple[str, float], dict[str, Any]]) -> Figure:
         strength = min((s for r, s in scores if r == room), key=lambda s: abs(s - 1))
         areas, overlaps = np.array([[s["area_m2"], s["iou"]] for s in scores[room, strength]["surfaces"]]).T
         axes.scatter(areas, overlaps, s=14, color=colour, label=f"{room} ({len(areas)} surfaces)")
-    axes.set_xscale("log")
-    axes.set_xlabel("area of the true surface (m²)")
-    axes.set_ylabel("intersection over union with its segment")
-    axes.set_ylim(0, 1.02)
+    labels = {"xlabel": "area of the true surface (m²)", "ylabel": "intersection over union with its segment"}
+    axes.set(xscale="log", ylim=(0, 1.02), **labels)
     axes.legend(loc="lower right")
     return drawing

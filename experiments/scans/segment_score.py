@@ -1,23 +1,14 @@
-"""Compare the segments of a reconstructed scan with the true surfaces of the room.
+"""Compare the segments of a reconstructed scan with the true surfaces of the room, piece by piece if a surface has separate pieces.
 
-A true surface in separate pieces, such as the legs of a table, is scored piece by piece. A true surface can have several segments that lie
-mostly on it. The segment of a true surface is the segment that covers most of this surface, among all segments that lie mostly on it. A
-true surface without a segment has recall 0. Recall is the share of the seen true surface that lies in its segment. To compute the recall,
-evenly spread true points are looked up in the scan, within REACH_M and with an agreeing normal. Precision is the share of the segment that
-lies on the true surface. IoU is the area of the segment on the true surface, divided by the area of the segment plus the seen true area
-that the segment misses. A reconstruction may add areas that the sensor did not see. Added area on the true surface lowers neither precision
-nor recall. Added area off the true surface lowers the precision. The boundary error is the distance from the edges of segments to the
-nearest edge of a true surface. Depth sensors miss glass and mirrors, so these surfaces are scored separately and over their whole true
-area.
+The segment of a true surface covers most of it, among all segments that lie mostly on it. Recall is the share of the seen true surface in
+its segment (0 without one), precision the share of the segment on the surface, and IoU the area on it over the area of the segment plus the
+seen area that it misses. Area that the sensor did not see lowers the precision only if it lies off the surface. The boundary error is the
+distance from edges of segments to the nearest true edge. Glass and mirrors are scored separately over their whole area.
 """
 
-from __future__ import annotations
-
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 from scipy.spatial import KDTree
 
 from experiments.scans.true_surfaces import SPACING_M, Sighted, Truth, nearest, outline_points, samples
@@ -29,50 +20,32 @@ MIN_AREA_M2 = 0.25
 
 @dataclass(frozen=True)
 class SurfaceScore:
-    """Scores of one true surface.
-
-    Attributes:
-        area_m2: area of the true surface seen by the sensor; for glass and mirrors the whole area of the surface.
-        segment: name of the surface's segment, or "-" for a surface without a segment, whose precision is NaN.
-        flush: share of the seen area that is at most FLUSH_M above another surface, so that the depth noise hides the step.
-        through: for glass and mirrors, the share of area in segments that are at least half glass or mirror; NaN for other surfaces.
-    """
+    """Scores of one true surface."""
 
     name: str
-    area_m2: float
-    segment: str
+    area_m2: float  # area seen by the sensor; for glass and mirrors the whole area
+    segment: str  # name of the segment, or "-" without one; the precision is then NaN
     recall: float
     precision: float
     iou: float
-    flush: float
-    through: float
+    flush: float  # share of the seen area at most FLUSH_M above another surface, so that the depth noise hides the step
+    through: float  # share of area in segments that are at least half glass or mirror; NaN for other surfaces
 
 
 @dataclass(frozen=True)
 class Score:
-    """Scores of all true surfaces whose area is at least MIN_AREA_M2.
+    """Scores of all true surfaces whose area is at least MIN_AREA_M2."""
 
-    Attributes:
-        surfaces: scores of all surfaces except glass and mirrors; the largest surface comes first.
-        clear: scores of all surfaces of glass and mirrors.
-        boundary_median_m, boundary_p95_m: median and 95 % quantile of the boundary error in metres, over the segments of `surfaces`.
-        missed_flush: of the seen area of `surfaces` that their segments miss, the share on surfaces flush with another surface.
-    """
-
-    surfaces: list[SurfaceScore]
-    clear: list[SurfaceScore]
-    boundary_median_m: float
-    boundary_p95_m: float
-    missed_flush: float
+    surfaces: list[SurfaceScore]  # all surfaces except glass and mirrors; the largest comes first
+    clear: list[SurfaceScore]  # all surfaces of glass and mirrors
+    boundary_median_m: float  # boundary error over the segments of `surfaces`
+    boundary_p95_m: float  # 95 % quantile of the same error
+    missed_flush: float  # of the seen area of `surfaces` that their segments miss, the share on surfaces flush with another surface
 
 
 def score_scene(scene: Scene, truth: Scene, sighted: Sighted | None = None) -> Score:
-    """Score a reconstructed scene. The scene's surfaces are the segments, with holes filled and unseen areas completed.
-
-    Args:
-        sighted: function that decides which true points the sensor saw (`experiments.scans.accuracy.sighted`); None counts all as seen.
-    Raises:
-        SceneError: the true scene has no surface to compare with.
+    """Score a reconstructed scene, whose surfaces are the segments, with holes filled and unseen areas completed. `sighted` decides which
+    true points the sensor saw; None counts all. Raises SceneError if the true scene has no surface to compare with.
     """
     if not len(truth):
         raise SceneError("there is no truth to score against; give the procedural room that was scanned")
@@ -111,17 +84,9 @@ def score_scene(scene: Scene, truth: Scene, sighted: Sighted | None = None) -> S
             segments.append(best)
     missed = np.array([r.area_m2 * (1 - r.recall) for r in solid])
     flush_share = float(np.average([r.flush for r in solid], weights=missed)) if missed.sum() > 0 else 0.0
-    boundary = _boundary_errors([scene.surfaces[k].mesh for k in set(segments) if k >= 0], true.outlines)
-    return Score(solid, clear, *boundary, flush_share)
-
-
-def _boundary_errors(segments: Sequence[trimesh.Trimesh], outlines: np.ndarray) -> tuple[float, float]:
-    """Return median and 95 % quantile of the distance in metres from the edges of segments to the outlines (E, 3) of true surfaces."""
-    edges = np.concatenate([np.zeros((0, 3)), *(outline_points(mesh) for mesh in segments)])
-    if not len(edges):
-        return float("nan"), float("nan")
-    away = KDTree(outlines).query(edges, workers=-1)[0]
-    return float(np.median(away)), float(np.quantile(away, 0.95))
+    edges = np.concatenate([np.zeros((0, 3)), *(outline_points(scene.surfaces[k].mesh) for k in set(segments) if k >= 0)])
+    away = KDTree(true.outlines).query(edges, workers=-1)[0] if len(edges) else np.array([np.nan])
+    return Score(solid, clear, float(np.median(away)), float(np.quantile(away, 0.95)), flush_share)
 
 
 def _table(row: np.ndarray, column: np.ndarray, shape: tuple[int, int]) -> np.ndarray:

@@ -31,24 +31,15 @@ Sighted = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """True surfaces of a room, cut into K pieces and sampled at N points.
+    """True surfaces of a room, cut into K pieces and sampled at N points."""
 
-    Attributes:
-        scene: scene whose K surfaces are the pieces of the true surfaces.
-        clear: boolean (K,), true for each piece that is glass or a mirror.
-        points, normals: (N, 3) sampled points in metres, one point per SPACING_M^2, and their unit normals.
-        piece: (N,) index of the piece on which each sampled point lies.
-        seen: boolean (N,), true for each sampled point that the sensor saw.
-        outlines: (E, 3) points in metres along the edges of the pieces.
-    """
-
-    scene: Scene
-    clear: np.ndarray
-    points: np.ndarray
-    normals: np.ndarray
-    piece: np.ndarray
-    seen: np.ndarray
-    outlines: np.ndarray
+    scene: Scene  # its K surfaces are the pieces of the true surfaces
+    clear: np.ndarray  # (K,) whether a piece is glass or a mirror
+    points: np.ndarray  # (N, 3) in metres, one per SPACING_M^2
+    normals: np.ndarray  # (N, 3) unit normals of the points
+    piece: np.ndarray  # (N,) index of the piece of each point
+    seen: np.ndarray  # (N,) whether the sensor saw a point
+    outlines: np.ndarray  # (E, 3) points in metres along the edges of the pieces
 
     @classmethod
     def of(cls, truth: Scene, sighted: Sighted | None = None) -> Truth:
@@ -62,11 +53,7 @@ class Truth:
         return cls(scene, clear, points, normals, piece, seen, np.concatenate([outline_points(s.mesh) for s in scene]))
 
     def owners(self) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-        """Return a function that finds the index (M,) of the piece to which points (M, 3) with normals (M, 3) belong.
-
-        A point belongs to the nearest piece with an agreeing normal, otherwise to the nearest piece. The index is -1 for a point that is
-        farther than REACH_M from every piece.
-        """
+        """Return a function of points and normals (M, 3) that finds the index (M,) of the nearest piece (`nearest`), or -1."""
         close = [covered(np.asarray(s.mesh.triangles, dtype=float), SPACING_M) for s in self.scene]
         points, normals, unit = _joined(self.scene, close)
         tree = KDTree(points, balanced_tree=False)
@@ -88,19 +75,12 @@ class Truth:
 
 
 def samples(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Sample the surfaces of a scene evenly, with one point per SPACING_M^2.
-
-    Returns:
-        points, normals: (N, 3) sampled points in metres and their unit normals.
-        number: (N,) index of the surface on which each point lies.
-    """
+    """Sample a scene with one point per SPACING_M^2. Returns points (N, 3) in metres, their unit normals, and surface indices (N,)."""
     return _joined(scene, [spread(s.mesh, SPACING_M) for s in scene])
 
 
 def _joined(scene: Scene, parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Join the points (N, 3) and face indices (N,) of all surfaces. Returns (points, normals, surface indices) in the same form as
-    the function `samples`.
-    """
+    """Join the points (N, 3) and face indices (N,) of all surfaces to (points, normals, surface indices), as `samples` returns them."""
     points = [at for at, _ in parts]
     normals = [np.asarray(s.mesh.face_normals)[face] for s, (_, face) in zip(scene, parts, strict=True)]
     number = np.repeat(np.arange(len(parts)), np.array([len(at) for at in points], int))
@@ -110,11 +90,7 @@ def _joined(scene: Scene, parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tup
 def nearest(
     tree: KDTree, owner: np.ndarray, owner_normals: np.ndarray, points: np.ndarray, normals: np.ndarray, strict: bool = False
 ) -> np.ndarray:
-    """Return for each point the entry of `owner` (N,) of the nearest sample, and -1 if no sample is within REACH_M.
-
-    Samples whose surface normal agrees with the point's normal are preferred. If `strict` is true, only samples with an agreeing normal
-    count.
-    """
+    """Return the `owner` (N,) of the nearest sample, first with an agreeing normal (`strict`: only so); -1 if none is within REACH_M."""
     ranks: Any = range(1, min(10, tree.n) + 1)
     distance, near = tree.query(points, k=ranks, distance_upper_bound=REACH_M, workers=-1)
     known = np.isfinite(distance)

@@ -1,12 +1,8 @@
-"""Simulate a phone scan of a procedural room, reconstruct the scan and store it. The radar simulation knows the room only from this
-simulated scan.
+"""Simulate a phone scan of a procedural room, reconstruct it and store it. The radar simulation knows the room only from this scan.
 
-The simulated phone with LiDAR moves through the room (radartwin.testbed.scanner). The depth noise, dropouts and pose drift of the
-simulated phone have the size that publications report, and `strength` scales all these errors. The depth frames are fused and segmented in
-the same way as those of a user's own scan.
-
-The folder `rooms` beside this file ships the three rooms as reconstructed at strength 1 and seed 0. At this strength and seed, the study
-reads the shipped room instead of scanning again. `python -m experiments.generators.scanned_rooms` makes the shipped rooms.
+The phone with LiDAR moves through the room (radartwin.testbed.scanner) with depth noise, dropouts and pose drift of published size, times
+`strength`. The frames are fused and segmented like those of a user. The folder `rooms` beside this file ships the rooms of strength 1 and
+seed 0, which the study reads instead of scanning again; `python -m experiments.generators.scanned_rooms` makes them.
 """
 
 from __future__ import annotations
@@ -32,11 +28,8 @@ SHIPPED_STRENGTH, SHIPPED_SEED = 1.0, 0
 
 
 def fetch(config: Config, store: Store, room: str, strength: float, seed: int | None = None, anew: bool = False) -> Product:
-    """Return the scanned and reconstructed room as a stored result. A room that is not in the store is unpacked from the shipped rooms, or
-    scanned if no shipped room has its strength and seed. `seed=None` uses the configured seed.
-
-    At strength 0 the stored result is the true furnished room itself, without the clutter that the phone scans at other strengths. A
-    shipped room holds the scene only; if `anew`, the room is scanned, and the result also holds the mesh and the photographs of the scan.
+    """Return the scanned and reconstructed room as a stored result, from the shipped rooms (scene only) if one has its strength and seed.
+    With `anew`, a scan is simulated, and the result also holds its mesh and photographs. At strength 0 it is the true furnished room.
     """
     spec = specification(config, room, strength, seed, anew)
 
@@ -57,10 +50,7 @@ def key(config: Config, store: Store, room: str, strength: float) -> str:
 
 
 def specification(config: Config, room: str, strength: float, seed: int | None = None, anew: bool = False) -> dict[str, Any]:
-    """Return all parameters that determine a scan. These parameters are the specification from which the store key is computed.
-
-    The specification of a shipped room has the SHA-256 digest of its file under the key "shipped".
-    """
+    """Return all parameters that determine a scan; a shipped room has the SHA-256 of its file under the key "shipped"."""
     seed = config.seed if seed is None else seed
     spec = {"room": room, "strength": strength, "seed": seed}
     if anew or not ships(room, strength, seed):

@@ -1,17 +1,11 @@
 """Compare simulation methods by run time, feature error and recognition error on the turntable recordings of the campaign.
 
-The feature error compares the rotation features of a simulated revolution with their mean over the measured revolutions of the same object.
-The feature error is the root mean square of the differences over features, in standard deviations of each feature over the measured
-recordings. Before brightness is compared, one common gain is removed, which a measured corner reflector would give. Methods without an
-absolute level are therefore not at a disadvantage. The recognition error comes from a linear classifier that separates symmetric from
-asymmetric objects. The classifier uses feature ranks and is trained on simulated revolutions only; the error is the fraction of measured
-revolutions with a wrong class. The run time is in processor seconds per frame. It is the median over the recordings that reused a traced
-room, plus the longest time for tracing the room divided by the number of all frames. The recordings are simulated in worker processes, one
-at a time in each worker. The quick profile uses its own recordings. The paper profile uses the recordings of the quick profile with the
-changes LONGER.
+The feature error compares the features of a simulated revolution with their mean over measured ones of the object, as the rms over features
+in standard deviations, after one common gain is removed from brightness. The recognition error is the share of measured revolutions whose
+symmetry a linear classifier of ranks, trained on simulation, gets wrong. The run time is the median of the recordings that reused a traced
+room, plus their share of the longest set-up, in processor seconds per frame. The paper profile uses the recordings of the quick profile
+with the changes LONGER.
 """
-
-from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -25,20 +19,18 @@ from experiments.campaign.campaign import Campaign, joined
 from experiments.campaign.cases import BENCH_ROOM, TWIN
 from experiments.campaign.frame import shared, stored
 from experiments.campaign.schedule import RecordingTask
+from experiments.interface import Config, Progress, Store
 from experiments.recognition.protocol import GEOMETRY
 from experiments.recognition.readings import MOTION, revolutions
 from experiments.recognition.transfer import ranked
 from experiments.scans import virtual_scan
 from experiments.speed.methods import DEFAULT, OURS, POINTS, RFGENESIS
 from radartwin.config.compose import compose
-from radartwin.config.config import Config
 from radartwin.config.materials import VoidMaterials
 from radartwin.features.families import BRIGHTNESS
-from radartwin.io.progress import Progress
 from radartwin.recognize.probes import transferred_probe
 from radartwin.recognize.samples import Samples
 from radartwin.recognize.split import label_free
-from radartwin.store.products import Store
 
 NAME = "campaign"
 TITLE = "turntables of twelve objects in the laboratory"
@@ -56,9 +48,7 @@ class Twin:
 
 
 def twins(full: bool) -> list[Twin]:
-    """Return the compared methods; the default method is the first. If `full` is true, more settings of the compared methods are
-    included.
-    """
+    """Return the compared methods, the default first; if `full`, with more settings."""
     few = [
         Twin(OURS, DEFAULT),
         Twin(OURS, "no room", changed={"materials": VoidMaterials()}),
@@ -88,9 +78,7 @@ def recordings(config: Config, store: Store, progress: Progress, full: bool) -> 
 
 
 def measure(config: Config, store: Store, progress: Progress, full: bool) -> list[dict[str, Any]]:
-    """Simulate the campaign with every method and return one row per method. The scan that all methods use is computed before the
-    timing.
-    """
+    """Simulate the campaign with every method and return one row per method, without the time of the scan that all use."""
     virtual_scan.fetch(config, store, BENCH_ROOM, config.measured.gap.geometry)
     rows = []
     for method in progress.over(twins(full), "methods on the campaign"):
@@ -118,11 +106,7 @@ def _configured(config: Config, method: Twin, full: bool) -> Config:
 
 
 def _cost(campaign: Campaign, cases: Sequence[Any]) -> dict[str, Any]:
-    """Return the processor seconds per frame over the recordings that reused a set-up: the median, and the value of each recording.
-
-    All run times per frame include the longest set-up time, divided by the number of all frames. The longest time is used because shorter
-    set-ups read traced paths from the disk.
-    """
+    """Return processor seconds per frame of recordings that reused a set-up (median, each), plus their share of the longest set-up."""
     made = [campaign.clean("twin", case).read_json("meta") for case in cases]
     frames = [meta["told"]["frames"] for meta in made]
     setups = [int(meta["told"].get(tally.SETUPS, 0)) for meta in made]
@@ -136,10 +120,7 @@ def _cost(campaign: Campaign, cases: Sequence[Any]) -> dict[str, Any]:
 
 
 def feature_error(simulated: Samples, measured: Samples) -> tuple[float, float]:
-    """Return the feature error in standard deviations of the measured features, and its standard error over recordings.
-
-    Features that are constant over the measured recordings are left out.
-    """
+    """Return the error in standard deviations of the measured features that vary, and its standard error over recordings."""
     spread = measured.values.std(axis=0)
     tells = spread > 1e-9 * np.abs(measured.values).max(axis=0)
     apart = np.stack([
@@ -154,8 +135,6 @@ def feature_error(simulated: Samples, measured: Samples) -> tuple[float, float]:
 
 
 def recognition_error(simulated: Samples, measured: Samples) -> float:
-    """Return the share of measured revolutions whose symmetry class is predicted wrongly by a classifier trained on simulated
-    revolutions.
-    """
+    """Return the share of measured revolutions whose symmetry a classifier trained on simulated revolutions gets wrong."""
     split = label_free(ranked(simulated).relabelled(GEOMETRY), ranked(measured).relabelled(GEOMETRY))
     return float(np.mean(transferred_probe(split) != split.test.label))

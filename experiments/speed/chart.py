@@ -1,21 +1,16 @@
-"""Draw the chart of speed against accuracy. The chart uses only the rows of the table `speed_accuracy`."""
-
-from __future__ import annotations
+"""Draw the chart of speed against accuracy from the rows of the table `speed_accuracy`, and find the Pareto front."""
 
 import textwrap
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from experiments.drawing import place
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure, place
 from experiments.speed.methods import DEFAULT, FAMILIES, OURS
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Row = Mapping[str, Any]
+Point = tuple[float, float]  # run time and error
 LOOKS = dict(zip(FAMILIES, (("o", PALETTE[0]), ("s", PALETTE[1]), ("^", PALETTE[2]), ("v", PALETTE[3]), ("D", "#595959")), strict=True))
 AXES = {  # label, limits, and the column that marks the Pareto front
     "profile_error_db": ("error of the range profile (dB, rms)", 0.01, 60.0, "front"),
@@ -38,9 +33,7 @@ def short(setting: str) -> str:
 
 
 def chart(rows: Sequence[Row], error: str) -> Figure:
-    """Draw seconds per frame against error, with one panel per test problem. A line joins the points on the Pareto front; a star
-    marks RadarTwin's default setting.
-    """
+    """Draw seconds per frame against error with a panel per problem, a line along the Pareto front, and a star for the default."""
     measured = [row for row in rows if not row["claim"] and row[error] is not None]
     problems = {name: [row for row in measured if row["problem"] == name] for name in dict.fromkeys(row["problem"] for row in measured)}
     drawing, panels = figure(2, 3, width_in=PAGE_WIDTH_IN, height_in=5.6, sharex=True, sharey=True)
@@ -49,7 +42,9 @@ def chart(rows: Sequence[Row], error: str) -> Figure:
     for panel, mine in zip(panels.flat, problems.values(), strict=False):
         panel.set(xscale="log", yscale="log", ylim=(low, high), xlim=(min(seconds) / 2, max(seconds) * 4))
         panel.set_title(mine[0]["title"].replace(" in the ", "\nin the ").replace(", moving", ",\nmoving"))
-        answer = panel.text(0.02, 0.02, _answer(mine[0]["domain"]), color="0.4", transform=panel.transAxes)
+        truth = mine[0]["domain"].replace("tubes per square wavelength", "tubes").replace("this tracer", "this tracer's own run")
+        words = "\n".join(textwrap.wrap(f"reference: {truth}", 36))
+        answer = panel.text(0.02, 0.02, words, color="0.4", transform=panel.transAxes)
         answer.set_in_layout(False)
         _points(panel, mine, error, front, high, low)
     for panel in panels[:, 0]:
@@ -101,20 +96,10 @@ def _points(panel: Any, mine: Sequence[Row], error: str, front: str, high: float
 def _labels(panel: Any, mine: Sequence[Row], named: Sequence[Row], values: Sequence[float]) -> None:
     """Write the settings beside their points: first the default, which must have a label, then those of the other families."""
     order = sorted(zip(mine, values, strict=True), key=lambda pair: (pair[0]["setting"] != DEFAULT, pair[0]["family"] == OURS))
-    texts = [_label(row) if row in named else "" for row, _ in order]
-    place(panel, [(row["seconds_frame"], value) for row, value in order], texts, [LOOKS[row["family"]][1] for row, _ in order])
-
-
-def _answer(truth: str) -> str:
-    truth = truth.replace("tubes per square wavelength", "tubes").replace("this tracer", "this tracer's own run")
-    return "\n".join(textwrap.wrap(f"reference: {truth}", 36))
-
-
-def _label(row: Row) -> str:
-    """Return the text beside a point. The text of RF-Genesis as published includes its run time relative to the default method."""
-    if row["setting"] == "as published":
-        return f"published ({row['value']:.0f} x)"
-    return short(row["setting"])
+    texts = {row["setting"]: short(row["setting"]) for row in named}
+    texts |= {row["setting"]: f"published ({row['value']:.0f} x)" for row in named if row["setting"] == "as published"}
+    labels = [texts[row["setting"]] if row in named else "" for row, _ in order]
+    place(panel, [(row["seconds_frame"], value) for row, value in order], labels, [LOOKS[row["family"]][1] for row, _ in order])
 
 
 def _point(panel: Any, row: Row, value: float, low: float) -> None:
@@ -153,3 +138,24 @@ def _legend(panel: Any, measured: Sequence[Row]) -> None:
         *(textwrap.fill(machine, 44) for machine in dict.fromkeys(row["machine"] for row in measured)),
     ]
     panel.text(0, 0.0, "\n".join(lines), color="0.35", va="bottom", transform=panel.transAxes)
+
+
+def front(points: Sequence[Point]) -> list[bool]:
+    """Return for each point whether it is on the Pareto front.
+
+    A point is on the front if no other point is at least as good (as small) in both coordinates and better in one coordinate.
+
+    >>> front([(1, 3), (2, 2), (2, 3), (3, 1)])
+    [True, True, False, True]
+    """
+    return [not any(other[0] <= point[0] and other[1] <= point[1] and other != point for other in points) for point in points]
+
+
+def shortfall(point: Point, others: Sequence[Point]) -> float:
+    """Return the largest factor by which another point is better in both coordinates: 1 on the Pareto front, 1.1 if another is 10 % better.
+
+    >>> shortfall((2.0, 2.0), [(1.0, 1.9), (4.0, 0.1)])
+    1.0526315789473684
+    """
+    better = [min(point[0] / other[0], point[1] / max(other[1], 1e-12)) for other in others]
+    return float(np.max([1.0, *better]))

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.speed.chart import LOOKS
+from experiments.speed.chart import LOOKS, front
 from experiments.speed.methods import DEFAULT, OURS
-from experiments.speed.pareto import front
 
 if TYPE_CHECKING:
     from pandas import DataFrame

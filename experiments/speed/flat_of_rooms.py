@@ -1,11 +1,9 @@
 """Generate a furnished flat of rooms with a given number of flat surfaces, to measure how the run time grows with the scene.
 
-The rooms stand on a square grid, with a door opening in every wall between two rooms. The furniture consists of axis-parallel boxes:
-cabinets of random sizes, tables and shelves. The pieces are shared out among the rooms one after another, beginning with the radar's room.
-Each room has its own random generator, so that the radar's room has the same furniture in every flat that is large enough.
+The rooms stand on a square grid, with a door opening in every wall between two. Cabinets of random sizes, tables and shelves of
+axis-parallel boxes are shared out among the rooms, beginning with the radar's. Each room has its own random generator, so that the radar's
+room is the same in every flat that is large enough.
 """
-
-from __future__ import annotations
 
 import math
 
@@ -84,10 +82,7 @@ def _walls(side: int, low: np.ndarray, high: np.ndarray) -> shapely.Geometry:
 
 
 def _piece(random: np.random.Generator, taken: list[np.ndarray], plain: bool) -> tuple[trimesh.Trimesh, str] | None:
-    """Return a piece of furniture that fits into a room, and its material, or None if the room is full.
-
-    taken: rectangles (4,) of the pieces in the room; the function adds the rectangle of the new piece.
-    """
+    """Return a piece of furniture and its material, or None if the room is full, and add its rectangle (4,) to those in `taken`."""
     kind = "cabinet" if plain else str(random.choice(["cabinet", "cabinet", "table", "shelf"]))
     for shrink in (1.0, 0.8, 0.6):
         if kind == "table":

@@ -4,26 +4,22 @@ Each sweep changes one size and leaves the others at small values. The slope of 
 of size and processor time. A slope of 1 means that the time grows in proportion to the size.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure
+from experiments.interface import Config, Progress, Result, Table
 from experiments.speed.flat_of_rooms import flat
 from experiments.speed.machine import machine
 from experiments.statistics import Estimate, exact
-from experiments.verdicts import BELOW, NONE, Claim, row
-from radartwin.config.config import Config
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
+from experiments.verdicts import BELOW, Claim, RowList
 from radartwin.radar.chirp import Radar
-from radartwin.runs.experiment import Result, Table
 from radartwin.scene import objects
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories import trajectory
@@ -34,9 +30,6 @@ from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.pruning import PRUNE
 from radartwin.simulation.simulate import simulate, trace_paths
 from radartwin.store.products import Store, save_json
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="growth",
@@ -76,8 +69,8 @@ def seconds(call: Callable[[], Any]) -> tuple[float, Any]:
     return time.process_time() - began, result
 
 
-def driven(surfaces: int, bounces: int) -> dict[str, float]:
-    """Return the processor seconds of set-up and of a frame of a radar that drives through a flat of rooms."""
+def driven(size: int, surfaces: int, bounces: int) -> dict[str, tuple[float, float]]:
+    """Return {part of the run time: (size, processor seconds)} of a radar that drives through a flat of rooms."""
     variant.activate("auto")
     radar, (scene, place) = Radar.iwr1843(), flat(surfaces)
     poses = np.array([trajectory.pose(place + np.array([x, 0.0, 0.0])) for x in np.linspace(0.0, DRIVE_M, FRAMES)])
@@ -88,17 +81,7 @@ def driven(surfaces: int, bounces: int) -> dict[str, float]:
 
     setup_s, (static, searched) = seconds(prepared)
     whole_s, _ = seconds(lambda: static.room_paths(poses, radar, bounces, PRUNE, searched))
-    return {"set-up": setup_s, "frame": whole_s / FRAMES}
-
-
-def of_surfaces(count: int) -> dict[str, tuple[float, float]]:
-    """Return {part of the run time: (size, processor seconds)} for an apartment with `count` surfaces, which are the size."""
-    return {part: (count, spent) for part, spent in driven(count, ROOM_BOUNCES).items()}
-
-
-def of_bounces(count: int) -> dict[str, tuple[float, float]]:
-    """Return {part of the run time: (size, processor seconds)} for paths of at most `count` reflections, which are the size."""
-    return {part: (count, spent) for part, spent in driven(ROOM, count).items()}
+    return {"set-up": (size, setup_s), "frame": (size, whole_s / FRAMES)}
 
 
 def of_frames(count: int) -> dict[str, tuple[float, float]]:
@@ -135,8 +118,14 @@ def of_channels(step: int) -> dict[str, tuple[float, float]]:
 
 
 SWEEPS = (
-    Sweep("surfaces", of_surfaces, (10, 30, 100, 300), (10, 30, 100, 300, 1000, 3000, 10_000), {"set-up": 1.0, "frame": 0.5}),
-    Sweep("bounces", of_bounces, (1, 2, 3, 4, 5), (1, 2, 3, 4, 5, 6), {"set-up": 3.0, "frame": 3.0}),
+    Sweep(
+        "surfaces",
+        lambda n: driven(n, n, ROOM_BOUNCES),
+        (10, 30, 100, 300),
+        (10, 30, 100, 300, 1000, 3000, 10_000),
+        {"set-up": 1.0, "frame": 0.5},
+    ),
+    Sweep("bounces", lambda n: driven(n, ROOM, n), (1, 2, 3, 4, 5), (1, 2, 3, 4, 5, 6), {"set-up": 3.0, "frame": 3.0}),
     Sweep("frames", of_frames, (10, 30, 100, 300, 1000), (10, 30, 100, 300, 1000, 3000, 10_000), {"simulation": 1.05}),
     Sweep("tubes", of_tubes, (0, 1, 2, 3), (0, 1, 2, 3, 4), {"tracing": 1.05}),
     Sweep("channels", of_channels, (0, 1, 2, 3, 4), (0, 1, 2, 3, 4), {"simulation": 1.05}),
@@ -167,16 +156,16 @@ def _measure(sweep: Sweep, steps: Sequence[int], folder: Path) -> None:
     save_json(folder, "steps", [sweep.measure(step) for step in steps])
 
 
-def table(config: Config, sweep: Sweep, measured: Sequence[Mapping[str, Any]], key: str) -> list[dict[str, Any]]:
+def table(config: Config, sweep: Sweep, measured: Sequence[Mapping[str, Any]], key: str) -> RowList:
     """Return the rows of a sweep: the processor time of each step, then the slope of each part with its claim."""
-    rows = []
+    rows = RowList(config)
     for part, limit in sweep.limits.items():
         sizes, spent = np.array([step[part] for step in measured], float).T
         case = {"size": sweep.size, "part": part, "machine": "; ".join(machine().values())}
         for size, value in zip(sizes, spent, strict=True):
-            rows.append(row(config, {**case, "at": float(size)}, SECONDS, exact(float(value), 1), [key], NONE))
+            rows.add({**case, "at": float(size)}, SECONDS, exact(float(value), 1), [key])
         claim = Claim(f"the slope is at most {limit:g}", bound=limit, direction=BELOW, limit=True)
-        rows.append(row(config, {**case, "at": None}, SLOPE, slope(sizes, spent), [key], claim))
+        rows.add({**case, "at": None}, SLOPE, slope(sizes, spent), [key], claim)
     return rows
 
 

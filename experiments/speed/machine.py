@@ -1,7 +1,5 @@
 """Describe the machine on which run times are measured, and the memory of its processes."""
 
-from __future__ import annotations
-
 import functools
 import importlib.metadata
 import os
@@ -34,11 +32,7 @@ def memory_kib(field: str, pid: str = "self") -> int | None:
 
 
 def peak_gib() -> float:
-    """Return the largest resident memory that this process had since its program started, in GiB.
-
-    `resource.getrusage` is not used, because Linux keeps its maximum when a process starts another program. In a child process, the maximum
-    would therefore include the memory that the parent process had at the start of the child.
-    """
+    """Return the largest resident memory of this program in GiB. `resource.getrusage` would include that of the parent process."""
     peak = memory_kib("VmHWM")
     assert peak is not None, "the peak memory of a process is known on Linux only"
     return peak / 2**20

@@ -1,15 +1,9 @@
 """Measure run time and memory of simulation methods on this machine. The repetitions of the compared methods alternate.
 
-The timing starts after all kernels are compiled. If the radar is at rest, the timed recordings reuse the room that the first recording
-traced. The additional time of the first recording is the set-up time `setup_s`, which is divided by `Problem.frames`, the number of frames
-of a whole recording. The seconds per frame are the set-up time per frame plus the median time per frame of the later recordings. A
-moving radar is timed without cached rooms. The timed methods alternate, so that a slow phase of the machine affects all methods. Seconds
-are processor seconds of all threads, including the processes of other simulators, because processor time depends little on the load of the
-machine. In addition, the table gives wall-clock seconds. If a GPU traces the rays, the table uses wall-clock seconds instead of processor
-seconds.
+The timing starts after all kernels are compiled. For a radar at rest, the additional time of the first recording is the set-up time,
+divided by the frames of a whole recording (`Problem.frames`); a moving radar is timed without cached rooms. Seconds are processor seconds
+of all threads and of other simulators' processes, because they depend little on the load; on a GPU they are wall-clock seconds.
 """
-
-from __future__ import annotations
 
 import gc
 import itertools
@@ -88,10 +82,7 @@ class Timed:
         return signal_error.compare(pairs, self.problem.parts[0].radar)
 
     def once(self, moved: bool = False) -> tuple[float, float]:
-        """Simulate all recordings once. Returns (seconds of `clock`, wall-clock seconds) per frame.
-
-        If `moved` is true, the radar is shifted slightly, so that no cached paths are reused.
-        """
+        """Simulate all recordings once, with a shifted radar if `moved`. Returns (seconds of `clock`, wall-clock seconds) per frame."""
         if self.method.published:
             settings = self.method.simulator.settings
             seconds = [
@@ -108,10 +99,8 @@ class Timed:
         return (clock() - began) / frames, wall_s
 
     def prepare(self, budget_s: float, most: int) -> None:
-        """Simulate the first recordings, measure their memory and rays, and choose the number of frames of a repetition.
-
-        RadarTwin's tracer simulates all frames (`most`), because it does some work for several frames at once. Each frame of another method
-        takes the same time, so a repetition of another method has as many frames as fit into `budget_s` seconds.
+        """Simulate the first recordings, measure their memory and rays, and choose the number of frames of a repetition: all (`most`) for
+        our tracer, which does some work for several frames at once; of others as many as fit into `budget_s` seconds.
         """
         is_radartwin = self.method.family == OURS
         if is_radartwin and not self.problem.resting:
@@ -132,11 +121,7 @@ class Timed:
         self.frames = most if is_radartwin else int(np.clip(budget_s / max(warm * len(self.problem.parts), 1e-9), self.frames, most))
 
     def _rays(self, each: float, once: float) -> float:
-        """Return the number of rays per frame.
-
-        For RadarTwin's tracer, add the rays launched for each frame (`each`) and the rays launched once per recording (`once`) divided by
-        the number of frames. For other simulators, return the number of rays in their settings.
-        """
+        """Return the rays per frame: of our tracer `each` and its share of those launched `once`; of others the setting."""
         from_settings = rays_of(self.method.simulator)
         return each + once / self.problem.frames if from_settings is None else float(from_settings)
 
@@ -145,34 +130,20 @@ class Timed:
         shared = self.setup_s / self.problem.frames
         seconds, wall = np.array(self.times).T + shared
         errors = self.score()
-        return {
-            "problem": self.problem.name,
-            "family": self.method.family,
-            "setting": self.method.setting,
-            "seconds_frame": float(np.median(seconds)),
-            "seconds": seconds.tolist(),
-            "wall_s_frame": float(np.median(wall)),
-            "setup_s": self.setup_s,
-            "frames timed": self.frames,
-            "memory_mib": self.memory_mib,
-            "rays": self.rays,
-            "signal_error": errors.signal,
-            "profile_error_db": errors.profile_db,
-            "offset_db": errors.offset_db,
-            "free_error_db": errors.free_db,
-            "exact": not self.method.backend,
-        }
+        case = {"problem": self.problem.name, "family": self.method.family, "setting": self.method.setting}
+        times = {"seconds_frame": float(np.median(seconds)), "seconds": seconds.tolist(), "wall_s_frame": float(np.median(wall))}
+        spent = {"setup_s": self.setup_s, "frames timed": self.frames, "memory_mib": self.memory_mib, "rays": self.rays}
+        found = {"signal_error": errors.signal, "profile_error_db": errors.profile_db, "offset_db": errors.offset_db}
+        return {**case, **times, **spent, **found, "free_error_db": errors.free_db, "exact": not self.method.backend}
 
 
 def measure(
     problem: Problem, methods: Sequence[Method], rounds: int, budget_s: float, slow_s: float, say: Callable[[str], None]
 ) -> list[dict[str, Any]]:
-    """Time all simulation methods on a test problem, in alternation, and return one row per method.
+    """Time all methods on a test problem and return one row per method.
 
-    The first method runs once before the timing, so that the kernels that several methods use are compiled. After the first two
-    repetitions there are `rounds` more repetitions, each with as many frames as fit into `budget_s` seconds. Every second repetition takes
-    the methods in reverse order, because a method can be slower after another one. A method is timed only once if one repetition takes more
-    than `slow_s` seconds.
+    The first call compiles the kernels. After two repetitions there are `rounds` more in alternating order, because a method can be slower
+    after another one. A method whose repetition takes more than `slow_s` seconds is timed once.
     """
     calls = itertools.count(1)
     timed = [Timed(problem, method, calls) for method in methods]

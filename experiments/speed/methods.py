@@ -1,12 +1,9 @@
 """The simulation methods compared in speed, accuracy and stability: RadarTwin's tracer at several settings, and other simulators.
 
-RF-Genesis appears in two versions. The first version of RF-Genesis uses the same synthesis of samples as all other methods. The second
-version (`published`) uses the signal generator of the program that the authors of RF-Genesis released. This signal generator computes one
-sum over the echoes for each chirp, transmitter and receiver. Only one sum is timed, and its time is multiplied by the number of sums,
-because all sums take the same time.
+RF-Genesis appears with the same synthesis of samples as all other methods, and (`published`) with the signal generator that its authors
+released, which computes one sum over the echoes for each chirp, transmitter and receiver. As all sums take the same time, only one is
+timed, and its time is multiplied by their number.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -64,9 +61,7 @@ def tracer(setting: str, elements: str = "exact", **settings: Any) -> Method:
 
 
 def of_problem(problem: Problem, full: bool) -> list[Method]:
-    """Return the methods that run on a test problem; RadarTwin's default is the first. If `full` is true, all settings of the methods
-    are included, else a selection.
-    """
+    """Return the methods that run on a test problem, RadarTwin's default first; if `full`, with all their settings."""
     images = [Method(IMAGES, "all of four bounces", "")] if problem.name == "empty room" else []
     return [tracer(DEFAULT), *(_room(problem, full) if problem.room else _targets(full)), *_peers(full), *images]
 
@@ -112,9 +107,7 @@ def _peers(full: bool) -> list[Method]:
 
 @dataclass(frozen=True)
 class ExactImages:
-    """A simulator that returns the exact image sources of the empty office. This simulator traces no rays and ignores the scene
-    argument.
-    """
+    """A simulator that returns the exact image sources of the empty office, whatever the scene."""
 
     bounces: int = 4
     name = "images"

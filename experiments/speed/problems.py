@@ -1,19 +1,10 @@
-"""Test problems on which simulation methods are compared. A test problem has a scene, a motion, and an exact or converged reference signal.
+"""Test problems on which simulation methods are compared: scene, motion, and an exact or converged reference signal.
 
-- `canonical`: a plate, a sphere, a cylinder and a trihedral of metal at 1 m; the reference is quadrature or a series.
-- `near`: a 15 cm trihedral at 0.5 m, where its echo is 25 dB below the far-field value; the reference is quadrature.
-- `empty room`: an empty concrete office with a moving radar; the reference is the sum of all image sources of up to four bounces.
-- `object in room`: a metal box that turns before a metal alcove; the reference is the full-wave field (method of moments).
-- `furnished drive`: a radar that drives through three furnished metal rooms; the reference is the full-wave field (method of moments).
-
-The references exist for a single isotropic element that transmits and receives. Errors are therefore computed with a single isotropic
-element, and run times are measured with the whole antenna array. The full-wave fields are fields of two-dimensional scenes at every fourth
-sample of a chirp. The conversion of these fields to the three-dimensional scenes has a signal error of 0.004. The references lack the waves
-from the top and bottom edges of the surfaces. The walls are 3.2 m high. The box is 0.8 m high, and its top and bottom edges change the
-signal by 0.02.
+The problems are metal targets (`canonical`, `near`), an empty office (`empty room`), a turning box in an alcove (`object in room`) and a
+drive through furnished metal rooms (`furnished drive`). Errors are computed with a single isotropic element, run times with the whole
+array. The full-wave fields are those of two-dimensional scenes at every fourth sample; their conversion to three dimensions has a signal
+error of 0.004, and they lack the waves from top and bottom edges (0.02 for the box).
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -89,10 +80,7 @@ class Problem:
 
 
 def swept(echo: Callable[[np.ndarray], np.ndarray], distance_m: float) -> np.ndarray:
-    """Return samples (1, 1, 1, samples) of an echo.
-
-    `echo` is a function of frequencies (F,). The length of the echo's propagation path is about twice `distance_m`.
-    """
+    """Return samples (1, 1, 1, samples) of an echo, a function of frequencies (F,), at about `distance_m`."""
     frequencies = traced.frequencies(traced.MONOSTATIC)
     middle, half = frequencies.mean(), (frequencies[-1] - frequencies[0]) / 2
     nodes = middle + half * np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
@@ -120,10 +108,7 @@ def turntable_poses(distance_m: float, frames: int, start_deg: float) -> np.ndar
 
 @cache
 def canonical(frames: int, scored: int) -> Problem:
-    """Return the test problem of four metal targets.
-
-    The plate and the trihedral turn on a turntable. The echoes of the sphere and the cylinder are the same in every frame.
-    """
+    """Return the problem of four metal targets: a plate and a trihedral that turn, and a sphere and a cylinder."""
     poses = {name: turntable_poses(CANONICAL_M, frames, start_deg) for name, start_deg in (("plate", 0.0), ("trihedral", 5.0))}
     sphere = cache(lambda: swept(partial(sphere_echo, 0.033, CANONICAL_M), CANONICAL_M))
     cylinder = cache(lambda: swept(partial(cylinder_echo, 0.033, 0.12, CANONICAL_M), CANONICAL_M))
@@ -157,10 +142,7 @@ def _part(name: str, mesh: trimesh.Trimesh, poses: np.ndarray, scored: int, echo
 
 @cache
 def empty_room(frames: int, scored: int, bounces: int = 4) -> Problem:
-    """Return the test problem of an empty concrete office.
-
-    The radar moves 2 cm per frame and is tilted, so that no image source lies on the axis of its antennas.
-    """
+    """Return the problem of an empty office with a radar that moves 2 cm per frame, tilted so that no image lies on its axis."""
     poses = np.stack([traced.pose(OFFICE_SENSOR + np.array([0.02 * n, 0, 0]), rooms.rotation()) for n in range(frames)])
     part = Part(
         "office", rooms.room_scene(OFFICE, "concrete"), poses, {}, scored, traced.MONOSTATIC,

@@ -1,12 +1,10 @@
 """Speed against accuracy: run time and error of each simulation method on each test problem.
 
-A method is on the Pareto front of a test problem if no other method is at least as fast and as accurate, and better in one of the two. The
-claim about the default method holds if no other method is both faster and more accurate by more than the factor NEAR. Run times depend on
-the machine and its load, so the timed methods alternate, and the table gives ratios of run times within one run. The last test problem,
-the campaign's turntable recordings (`campaign_methods`), compares run time with feature error and recognition error.
+A method is on the Pareto front of a problem if no other method is at least as fast and as accurate, and better in one of the two. The claim
+about the default holds if no other is both faster and more accurate by more than the factor NEAR. The timed methods alternate, and the
+table gives ratios within one run, because run times depend on the machine and its load. The last problem, the campaign's turntable
+recordings (`campaign_methods`), compares run time with feature error and recognition error.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
@@ -18,15 +16,13 @@ import numpy as np
 
 from experiments import verdicts
 from experiments.campaign.schedule import RecordingTask
+from experiments.interface import Config, Progress, Result, Table
 from experiments.speed import campaign_methods, chart, chart_page, measuring
+from experiments.speed.chart import front, shortfall
 from experiments.speed.machine import machine
 from experiments.speed.methods import DEFAULT, OURS, RFGENESIS, of_problem
-from experiments.speed.pareto import front, shortfall
 from experiments.speed.problems import Problem, problems
 from experiments.statistics import Estimate, exact
-from radartwin.config.config import Config
-from radartwin.io.progress import Progress
-from radartwin.runs.experiment import Result, Table
 from radartwin.store.products import Store, save_json
 
 TABLE = Table(
@@ -102,11 +98,7 @@ def _measure(problem: Problem, full: bool, progress: Progress, folder: Path) -> 
 
 
 def table(measured: Sequence[Mapping[str, Any]], machine: Mapping[str, str], known: Mapping[str, Problem]) -> list[dict[str, Any]]:
-    """Return the rows of the table: each method's run time relative to the default on each test problem, then the claims.
-
-    The first claim is that the default is on the Pareto fronts of signal error and profile error. The second claim is that it is faster
-    than RF-Genesis as published.
-    """
+    """Return each method's run time over the default's, then the claims: on the Pareto fronts, and faster than RF-Genesis."""
     rows: list[dict[str, Any]] = []
     for name in dict.fromkeys(method["problem"] for method in measured):
         mine = [method for method in measured if method["problem"] == name]
@@ -152,10 +144,9 @@ def campaign_rows(methods: Sequence[Mapping[str, Any]], machine: Mapping[str, st
     fronts = {f"front of {name}": front([(method["seconds_frame"], method[score]) for method in methods]) for name, score in scores.items()}
     marks = [dict(zip(fronts, on, strict=True)) for on in zip(*fronts.values(), strict=True)]
     rows = [row(method, COST, ratios_of(method["seconds"], default["seconds"]), mark) for method, mark in zip(methods, marks, strict=True)]
-    # standard errors of the default's scores
-    errors = {
-        "features": default["spread of feature_error"], "recognition": _share_error(default["recognition_error"], default["answers"]),
-    }  # fmt: skip
+    # standard errors of the default's scores; by Laplace's rule of succession, that of a share is never zero
+    fair = (default["recognition_error"] * default["answers"] + 1) / (default["answers"] + 2)
+    errors = {"features": default["spread of feature_error"], "recognition": math.sqrt(fair * (1 - fair) / default["answers"])}
     for name, score in scores.items():
         as_good = [method["seconds_frame"] for method in methods if method[score] <= default[score] + errors[name]]
         far = default["seconds_frame"] / min(as_good)
@@ -163,15 +154,6 @@ def campaign_rows(methods: Sequence[Mapping[str, Any]], machine: Mapping[str, st
         metric = f"times the cheapest that is as good in {name}"
         rows.append(row(default, metric, exact(far, len(methods)), marks[0], claim, far <= NEAR))
     return rows
-
-
-def _share_error(share: float, answers: int) -> float:
-    """Return the standard error of a share of wrong predictions among `answers` predictions.
-
-    Laplace's rule of succession keeps the standard error above zero if all or none of the predictions are wrong.
-    """
-    fair = (share * answers + 1) / (answers + 2)
-    return float(np.sqrt(fair * (1 - fair) / answers))
 
 
 def ratios_of(seconds: Sequence[float], default_s: Sequence[float]) -> Estimate:

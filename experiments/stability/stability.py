@@ -1,26 +1,18 @@
 """Show where simulation methods fail: the error of every method along sweeps of increasing difficulty (experiments/stability/sweeps.py)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from experiments import verdicts
+from experiments.drawing import PAGE_WIDTH_IN, Figure, figure
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.speed.methods import OURS, Method
 from experiments.stability.sweeps import METHODS, SWEEPS, Sweep
 from experiments.statistics import exact
-from radartwin.config.config import Config
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, figure
 from radartwin.runs import workers
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="stability",
@@ -47,7 +39,7 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     rows: list[dict[str, Any]] = []
     parts = [(sweep, method) for sweep in SWEEPS for method in METHODS]
     with progress.task("sweeps by method", len(parts)) as done:
-        errors = iter(workers.each(_errors, parts, config.jobs, done))
+        errors = iter(workers.each(errors_of, parts, config.jobs, done))
     for sweep in SWEEPS:
         rows += sweep_rows(sweep, [(method, next(errors)) for method in METHODS])
     broken = sum(math.isnan(float(error_db)) for row in rows for error_db in row["errors_db"].split())
@@ -58,17 +50,15 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     return Result(TABLE.name, rows, {TABLE.name: lambda: map_of(rows)}, metrics)
 
 
-def _errors(sweep: Sweep, method: Method) -> list[float]:
-    """Return the errors of a simulation method in dB at all values of one sweep."""
-    return [error(sweep, method, value) for value in sweep.values]
-
-
-def error(sweep: Sweep, method: Method, value: float) -> float:
-    """Return the error of a simulation method in dB at one value of a sweep; NaN if a sample of the method is not finite."""
-    try:
-        return sweep.error_db(method, value)
-    except FloatingPointError:
-        return math.nan
+def errors_of(sweep: Sweep, method: Method) -> list[float]:
+    """Return the errors of a method in dB at all values of a sweep; NaN where a sample of the method is not finite."""
+    errors = []
+    for value in sweep.values:
+        try:
+            errors.append(sweep.error_db(method, value))
+        except FloatingPointError:
+            errors.append(math.nan)
+    return errors
 
 
 def safe(errors_db: Sequence[float]) -> int:
@@ -81,9 +71,7 @@ def safe(errors_db: Sequence[float]) -> int:
 
 
 def sweep_rows(sweep: Sweep, by_method: Sequence[tuple[Method, Sequence[float]]]) -> list[dict[str, Any]]:
-    """Return the rows of one sweep, one row per method. The row of RadarTwin's tracer states the claim that no other method has a larger
-    safe region.
-    """
+    """Return the rows of one sweep. The row of our tracer claims that no other method has a larger safe region."""
     best = max(safe(errors) for _, errors in by_method)
     rows = []
     for method, errors in by_method:
@@ -109,9 +97,7 @@ def safe_words(sweep: Sweep, count: int) -> str:
 
 
 def map_of(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw a map with the error of every method at every value of the sweeps. The text on the right of the map gives the first value
-    of each sweep at which a method fails.
-    """
+    """Draw a map of the error of every method at every value of the sweeps, with the first value at which a method fails."""
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     rows = [row for row in rows if row["family"]]

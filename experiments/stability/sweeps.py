@@ -1,13 +1,9 @@
-"""Sweeps that show where simulation methods fail. With each value of a sweep, a scene becomes harder to simulate, a setting becomes
-coarser, the description of the scene becomes worse, or the noise becomes stronger.
+"""Sweeps that show where simulation methods fail, towards harder scenes, coarser settings, worse descriptions of the scene or more noise.
 
-For each value of a sweep, the true radar signal is known. For sweeps with a single object, the mean power of a frame's samples is compared
-with closed forms, series and quadrature. For sweeps in a room, range profiles are compared (`signal_error`). An error is at most
-DYNAMIC_DB. A method that returns no signal has this error. Methods without an absolute level get the gain that makes their level of a metal
-sphere at 1 m correct.
+The true signal of each value is known: the mean power of a frame for a single object (closed forms, series, quadrature), and range profiles
+in a room (`signal_error`). An error is at most DYNAMIC_DB, which is also that of a method without a signal. Methods without an absolute
+level get the gain that makes their level of a metal sphere at 1 m correct.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -90,9 +86,7 @@ def off(method: Method, iq: np.ndarray, truth: complex | float) -> float:
 
 
 def alone(mesh: trimesh.Trimesh, distance_m: float, turn_deg: float = 0.0, aside_m: float = 0.0) -> tuple[Any, ...]:
-    """Return (scene, sensor poses, motion) of a single metal object. `turn_deg` turns the object from facing the radar, and `aside_m`
-    shifts it.
-    """
+    """Return (scene, sensor poses, motion) of a metal object, turned by `turn_deg` from facing the radar and shifted by `aside_m`."""
     pose = trajectory.turntable([distance_m, aside_m, 0], 1, 10.0, 25.0, np.pi + np.radians(turn_deg))
     return Scene([Surface(mesh, "metal", "target", role="object")]), None, {"target": pose}
 
@@ -133,9 +127,7 @@ def sheet(side_m: float, cells: int) -> trimesh.Trimesh:
 
 
 def _damaged(kind: str, method: Method, value: float) -> float:
-    """Return the rms level error in dB of a scanned plate over three random draws: with `value` percent of its faces missing (kind
-    "holes"), or with a height noise of `value` millimetres (kind "noise").
-    """
+    """Return the rms level error in dB of a scanned plate over three draws, with `value` % of its faces missing or `value` mm of noise."""
     errors = []
     for seed in range(3):
         mesh, rng = sheet(0.2, 20), np.random.default_rng(seed)
@@ -177,10 +169,7 @@ def _bounces(method: Method, value: float) -> float:
 
 
 def _missing(method: Method, value: float) -> float:
-    """Return the range-profile error in dB if the scene lacks the first `value` surfaces of the room.
-
-    The surfaces are removed in this order: the wall at high x, the ceiling, the wall at low y, the wall at low x, the floor.
-    """
+    """Return the profile error in dB if the room lacks its first `value` surfaces: high x, ceiling, low y, low x, floor."""
     mesh = rooms.room_scene(OFFICE, "concrete").surfaces[0].mesh
     centre, size = mesh.triangles_center, np.array(OFFICE)
     gone = [
@@ -192,9 +181,7 @@ def _missing(method: Method, value: float) -> float:
 
 
 def _far(method: Method, value: float) -> float:
-    """Return the level error in dB of a metal ball. Beyond the unambiguous range, where no range bin holds the ball, the error is
-    DYNAMIC_DB.
-    """
+    """Return the level error in dB of a metal ball; DYNAMIC_DB beyond the unambiguous range, where no range bin holds the ball."""
     if value > RADAR.unambiguous_range_m:
         return DYNAMIC_DB
     return off(method, samples(method, *alone(objects.sphere(BALL_M, 4), value)), sphere_echo(BALL_M, value, MIDDLE_HZ)[0])
@@ -240,10 +227,7 @@ def _gap(method: Method, value: float) -> float:
 
 
 def _snr(method: Method, value: float) -> float:
-    """Return the error in dB of the mean power in the target's range bin.
-
-    The receiver noise is `value` dB below the true echo, and the noise power is not subtracted.
-    """
+    """Return the error in dB of the mean power in the target's range bin, with receiver noise `value` dB below the true echo."""
     level = np.abs(samples(method, *alone(objects.sphere(BALL_M, 4), 1.0))).mean() * 10 ** (gain_db(method) / 20)
     truth = abs(sphere_echo(BALL_M, 1.0, MIDDLE_HZ)[0])
     noise = np.random.default_rng(1).normal(size=(DRAWS, 2)) @ [1, 1j] * truth * 10 ** (-value / 20) / np.sqrt(2)

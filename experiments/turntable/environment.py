@@ -1,17 +1,15 @@
 """Environment ablation: is a simulated range profile closer to the measured range profile if the simulation includes the room?
 
-The first simulation ("void") contains only the object and its stand. The second simulation contains the object and its stand in the scanned
-room with the configured materials, by default the labelled materials. The third simulation has the same room of plasterboard. Paper
-(environment ablation, 2 m): the correlation with the measured profile is -0.24 in void and +0.42 in the reconstructed scene; about 75 % of
-the energy arrives from beyond the target. The module `operating_points` searches for conditions in which these figures occur.
+Object and stand are simulated alone ("void"), in the scanned room with the configured materials (by default the labelled ones), and in the
+same room of plasterboard. Paper (environment ablation, 2 m): the correlation with the measured profile is -0.24 in void and +0.42 in the
+reconstructed scene; about 75 % of the energy arrives from beyond the target. `operating_points` searches for conditions in which these
+figures occur.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -19,25 +17,17 @@ from numpy.typing import NDArray
 
 from experiments.campaign.campaign import Campaign, joined, make_together
 from experiments.campaign.cases import MEASURED, TWIN, VOID, Case
-from experiments.campaign.frame import Frame, stored
+from experiments.campaign.frame import Frame, RecordingSource, stored
 from experiments.campaign.schedule import RecordingTask
-from experiments.campaign.source import RecordingSource
 from experiments.cells import Cell, first_draw, keys, mean, table_rows
-from experiments.drawing import error_bars, range_map
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, error_bars, figure, range_map
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.statistics import FISHER, SCALES, SHARE, SIGNED, ms_ssim
 from experiments.turntable import operating_points
 from experiments.verdicts import BELOW, NONE, Claim, RowList, within
-from radartwin.config.config import Config
 from radartwin.config.materials import UniformMaterials
 from radartwin.errors import ConfigError
 from radartwin.features.profile import FAR_M, NEAR_M, beyond_target_share, profile_correlation
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 READS = ("distances_m",)  # options experiment.NAME of this experiment
 TABLE = Table(
@@ -177,15 +167,18 @@ def wanted(config: Config, campaigns: Mapping[str, RecordingSource]) -> list[tup
 
 
 def cells(labels: Mapping[str, str], frame: Frame) -> Iterator[Cell]:
-    """Declare the correlation of the simulated profiles, without and with the room, with the measured profiles on each scale, its increase
-    due to the room, the energy shares beyond the target, and the change of the increase from the smallest to the largest distance.
-    """
+    """Declare correlations without and with the room on each scale, their gain and its change with distance, and energy shares."""
     gains: dict[tuple[str, float], NDArray] = {}
     for distance, here in frame.groupby("distance_m"):
-        at = {"distance_m": distance}
+        at, range_m = {"distance_m": distance}, here.range_m.iloc[0]
         at_paper = distance == PAPER_DISTANCE_M
         for scale in operating_points.SCALES:
-            correlations = {side: _correlations(here, side, scale) for side in ("void", "room", "uniform") if side in labels}
+            mean_powers = {side: list(here.mean_power[here.side == side]) for side in labels}
+            correlations = {
+                side: np.array([profile_correlation(mean_powers[side][0], power, range_m, scale) for power in mean_powers["measured"]])
+                for side in ("void", "room", "uniform")
+                if side in labels
+            }
             for side, values in correlations.items():
                 of, claim = here[here.side.isin(["measured", side])], CORRELATED.get(side, NONE) if at_paper else NONE
                 yield Cell({**at, "case": labels[side], "scale": scale}, "profile correlation", of, mean(values, SIGNED, FISHER), claim)
@@ -223,19 +216,9 @@ def cells(labels: Mapping[str, str], frame: Frame) -> Iterator[Cell]:
             yield Cell(case, "change of gain", of, mean(change), WIDENS)
 
 
-def _correlations(here: Frame, side: str, scale: str) -> NDArray[np.float64]:
-    """Return the correlations of all measured mean profiles with the simulated mean profile of a side."""
-    twin = next(here[here.side == side].itertuples()).mean_power
-    measured = here[here.side == "measured"].itertuples()
-    return np.array([profile_correlation(twin, recording.mean_power, recording.range_m, scale) for recording in measured])
-
-
 def similarities(here: Frame, side: str) -> tuple[list[float], list[float]]:
-    """Return two similarities of the first frame of each measured recording to that of a side, from 0 to 1.
-
-    The ranges are those of the profiles. The first one is the multi-scale structural similarity of the range-azimuth maps in decibels, from
-    60 dB below the maximum of a map. The second one is the complex similarity |<a, b>| / (|a| |b|) of the channel signals, which does not
-    depend on gain and phase of the recordings.
+    """Return two similarities (0 to 1) of the first frame of each measured recording to that of a side, over the ranges of the profiles:
+    the MS-SSIM of the range-azimuth maps in dB, and |<a, b>| / (|a| |b|) of the channel signals, without gain and phase.
     """
 
     def first(recording: Any) -> tuple[NDArray, NDArray]:
@@ -249,9 +232,7 @@ def similarities(here: Frame, side: str) -> tuple[list[float], list[float]]:
 
 
 def _add_operating_point(rows: Sequence[dict[str, Any]], best: operating_points.Point | None, labels: dict[str, str]) -> None:
-    """Add the column "at_operating_point" to all rows. If the operating point with the paper's figures gives the quantity of a row, the
-    column has the mean at this point, otherwise None.
-    """
+    """Add the column "at_operating_point" to all rows: the mean at the point with the paper's figures, where it has the quantity."""
     for row in rows:
         row["at_operating_point"] = None
         if best and row["distance_m"] == PAPER_DISTANCE_M and row["scale"] in (best.scale, "power"):

@@ -1,10 +1,8 @@
 """Facet ripple: the echo of a can made of flat facets varies with as many cycles per revolution as the can has facets.
 
-A can of FACETS flat facets is compared with the same mesh whose facets are curved by vertex normals. The can with flat facets and the can
-with curved facets are simulated in the far field and at one metre. The meshes of both cans repeat after one facet, so ASPECTS_PER_FACET
-angles across one facet represent all 2048 angles of a revolution. Ripple is the harmonic ratio of the band around FACETS cycles per
-revolution. Paper, disentangled fidelity, shape: the triangulated mesh ripples at about 128 cycles per revolution, and smooth objects do
-not.
+A can of FACETS flat facets, and the same mesh curved by vertex normals, are simulated in the far field and at one metre. Both repeat after
+one facet, so ASPECTS_PER_FACET angles represent all 2048 angles of a revolution. Ripple is the harmonic ratio of the band around FACETS.
+Paper, disentangled fidelity, shape: the triangulated mesh ripples at about 128 cycles per revolution, smooth objects do not.
 """
 
 from __future__ import annotations
@@ -33,9 +31,7 @@ RIPPLES = Claim("flat facets ripple at their own number of cycles", "about 128 c
 
 
 def can(flat: bool) -> trimesh.Trimesh:
-    """Build the side wall of a can of FACETS facets, with its axis along z. If `flat` is true, the facets stay flat; otherwise vertex
-    normals curve them.
-    """
+    """Build the side wall of a can of FACETS facets along z, which are flat or curved by vertex normals."""
     import trimesh
 
     corner = 2 * np.pi * np.arange(FACETS + 1) / FACETS
@@ -63,9 +59,7 @@ def envelope(mesh: trimesh.Trimesh, distance_m: float | None, seed: int) -> NDAr
 
 
 def ripple_rows(config: Config) -> list[Row]:
-    """Build rows of the ripple of the flat-faceted and the curved can, and of the ratio of both. The intervals in these rows span the
-    results of all random seeds of the ray grid.
-    """
+    """Build rows of the ripple of both cans and of their ratio; the intervals span all random seeds of the ray grid."""
     rows = []
     for distance in (NEAR_M, None):
         envelopes = {flat: [envelope(can(flat), distance, seed) for seed in SEEDS] for flat in (True, False)}

@@ -1,15 +1,12 @@
 """Linear rail: does the tracked range of a corner reflector change by the length of the rail, in measurement and simulation?
 
-Paper (linear transformations), radial motion: the excursion (total change of the range) is 0.50 m measured and 0.51 m simulated; the shape
-correlation (correlation of the range tracks over frames) is 0.78. Paper, diagonal motion at 45 degrees to the line of sight: the excursion
-is 0.22 m measured, 0.44 m simulated and 0.42 m expected; the paper gives ambiguous peaks in clutter as the cause. In this table, the
-expected diagonal excursion is that of the logged motion, 0.49 m.
+Paper (linear transformations), radial: the excursion (total change of the range) is 0.50 m measured and 0.51 m simulated, the correlation
+of the range tracks over frames 0.78. Diagonal, at 45 degrees to the line of sight: 0.22 m measured, 0.44 m simulated and 0.42 m expected
+(here 0.49 m, that of the logged motion); the paper names ambiguous peaks in clutter as the cause.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,20 +15,14 @@ from experiments import statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, RAIL, TWIN
 from experiments.campaign.columns import TRACKERS
 from experiments.campaign.frame import Frame
-from experiments.cells import Cell, first_draw, keys, mean, paired, table_rows
-from experiments.drawing import DOMAIN_STYLES, legend_above
-from experiments.draws import Query
+from experiments.cells import Cell, mean, paired
+from experiments.drawing import DOMAIN_STYLES, PAGE_WIDTH_IN, Figure, figure, legend_above
+from experiments.framed import framed
 from experiments.verdicts import BELOW, NONE, Claim, within
 from radartwin.config.config import Config
 from radartwin.features import peak_track
 from radartwin.features.align import overlap
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, figure
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from radartwin.runs.experiment import Table
 
 TABLE = Table(
     name="linear_rail",
@@ -55,22 +46,7 @@ SHORT = Claim(
 )  # fmt: skip
 
 
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Query(config, MOTIONS).frame(store, progress))
-
-
-def score(config: Config, frame: Frame) -> Result:
-    """Build the table of the tracked ranges of all rail recordings."""
-    rows = table_rows(config, frame, cells)
-    metrics = {
-        f"{r['metric'].split(' (')[0].replace(' ', '_')}_{r['motion']}_{r['of']}": r["value"]
-        for r in rows
-        if r["tracker"] == "continuous" and r["metric"] in ("excursion (m)", "shape correlation")
-    }
-    return Result(TABLE.name, rows, {"linear_rail": lambda: _figure(first_draw(frame))}, metrics, keys(frame))
-
-
-def cells(frame: Frame) -> Iterator[Cell]:
+def cells(config: Config, frame: Frame) -> Iterator[Cell]:
     """Declare the excursions of each object, motion and tracker, and the agreement of the tracks of both domains."""
     for (name, motion), both in frame.groupby(["object", "motion"], sort=False):
         for tracker in TRACKERS:
@@ -112,3 +88,10 @@ def _figure(frame: Frame) -> Figure:
 
 def _time_s(recording: Any) -> NDArray[np.float64]:
     return np.arange(len(recording.nominal_m)) / recording.frame_rate_hz
+
+
+METRICS = {
+    "excursion_{motion}_{of}": {"metric": "excursion (m)", "tracker": "continuous"},
+    "shape_correlation_{motion}_{of}": {"metric": "shape correlation", "tracker": "continuous"},
+}
+run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, {TABLE.name: _figure}, METRICS)

@@ -1,27 +1,16 @@
 """Operating points: where do the paper's figures of the environment ablation occur together, if the target is weaker or stronger?
 
-In the paper, at 2 m, about 75 % of the energy lies beyond the target. The correlation with the measured range profile is -0.24 without the
-room (void) and +0.42 with the room. In the virtual measurements, a smaller share of the energy lies beyond the target. An operating point
-is a choice of six conditions:
-
-- the leg of the corner reflector, whose echo grows with the fourth power of the leg; measurement and both simulations have this reflector,
-- whether the measuring antennas have side and back lobes,
-- the energy of static echoes that the scan does not know, over the energy of the room (gap `unscanned_echoes`),
-- the average over frames (AVERAGES of experiments.campaign.columns), which the paper calls "time-averaged",
-- the window of the correlated range profiles: all ranges, or 1 m in front of and behind the target,
-- the scale of the correlated profiles: amplitude or decibels.
-
-The ratio of target to room is the energy in the target gate over the energy behind the gate, in the measured profile. Placement, start
-angle and person are drawn anew for every recording, so that the ratio does not depend on the leg alone. The acceptance limits `LIMITS` were
-written before the first score. A point is accepted if the means of all three figures over the recordings are inside the limits.
+At 2 m, the paper has about 75 % of the energy beyond the target, and correlations of -0.24 (void) and +0.42 (room). An operating point is a
+choice of the reflector's leg, of the measuring antennas' side and back lobes, of the energy of static echoes that the scan does not know
+over that of the room (gap `unscanned_echoes`), of the average over frames (AVERAGES of experiments.campaign.columns), and of window and
+scale of the correlated profiles. The acceptance limits `LIMITS` were written before the first score; a point is accepted if the means of
+all three figures are inside.
 """
-
-from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,15 +18,11 @@ from experiments import statistics
 from experiments.campaign.cases import BENCH_ROOM, MEASURED, REFLECTOR, TWIN, VOID, Case, draws
 from experiments.campaign.columns import AVERAGES
 from experiments.campaign.frame import Frame
-from experiments.drawing import legend_above
+from experiments.drawing import PAGE_WIDTH_IN, Figure, figure, legend_above
 from experiments.verdicts import Claim, RowList
 from radartwin.config.config import Config
 from radartwin.features.profile import beyond_target_share, gate_energies, profile_correlation
-from radartwin.plotting.style import PAGE_WIDTH_IN, figure
 from radartwin.scene.objects.catalogue import OTHER_LEGS_M, REFLECTOR_LEG_M
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 DISTANCE_M = 2.0
 LEGS_M = {"quick": (0.05, 0.07, REFLECTOR_LEG_M, 0.12), "paper": tuple(sorted((*OTHER_LEGS_M, REFLECTOR_LEG_M)))}
@@ -69,25 +54,16 @@ class Condition(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """The figures of one operating point, for each of N measured recordings.
+    """The figures of one operating point, for each of N measured recordings."""
 
-    Attributes:
-        leg_m: leg of the corner reflector in metres.
-        average: average of the power over frames, a key of AVERAGES.
-        window: a key of WINDOWS_M. scale: a key of SCALES.
-        ratio_db: energy of the target over the energy beyond it, in decibels.
-        values: {"share", "void", "room"}: (N,) energy share beyond the target, and correlations with the measured profile.
-        keys: store keys of the recordings.
-    """
-
-    leg_m: float
+    leg_m: float  # leg of the corner reflector
     condition: Condition
-    average: str
-    window: str
-    scale: str
-    ratio_db: float
-    values: Mapping[str, np.ndarray]
-    keys: Sequence[str]
+    average: str  # average of the power over frames, a key of AVERAGES
+    window: str  # a key of WINDOWS_M
+    scale: str  # a key of SCALES
+    ratio_db: float  # energy of the target over the energy beyond it
+    values: Mapping[str, np.ndarray]  # by FIGURES: (N,) energy share beyond the target, and correlations with the measured profile
+    keys: Sequence[str]  # store keys of the recordings
 
     @property
     def name(self) -> str:
@@ -111,11 +87,7 @@ class Point:
 
 
 def conditions(config: Config) -> tuple[Condition, ...]:
-    """Return the conditions of the measurement that the table compares.
-
-    The result is empty if the table has no operating points. The table has operating points if the testbed measures at the paper's distance
-    and the simulation has a room.
-    """
+    """Return the compared conditions; none if the testbed does not measure at the paper's distance, or the simulation has no room."""
     distances_m, profile = config.experiment.distances_m, config.profile.name
     if config.measured.provider != "testbed" or config.materials.source == VOID or (distances_m and DISTANCE_M not in distances_m):
         return ()
@@ -125,17 +97,13 @@ def conditions(config: Config) -> tuple[Condition, ...]:
 
 def wanted(config: Config) -> list[tuple[str, Case]]:
     """Return (domain, case) of all recordings that the operating points of one condition read."""
-    return [pair for leg in LEGS_M[config.profile.name] for pair in _recordings(config, leg)]
+    measured = draws(config.profile.campaign, False) if config.measured.draw is None else [config.measured.draw]
+    firsts = [Case(_reflector(leg), BENCH_ROOM, "turntable", DISTANCE_M) for leg in LEGS_M[config.profile.name]]
+    return [pair for case in firsts for pair in (*((MEASURED, replace(case, draw=k)) for k in measured), (TWIN, case), (VOID, case))]
 
 
 def _reflector(leg_m: float) -> str:
     return REFLECTOR if leg_m == REFLECTOR_LEG_M else f"{REFLECTOR}_{100 * leg_m:g}cm"
-
-
-def _recordings(config: Config, leg_m: float) -> list[tuple[str, Case]]:
-    first = Case(_reflector(leg_m), BENCH_ROOM, "turntable", DISTANCE_M)
-    measured = draws(config.profile.campaign, False) if config.measured.draw is None else [config.measured.draw]
-    return [*((MEASURED, replace(first, draw=k)) for k in measured), (TWIN, first), (VOID, first)]
 
 
 def read(config: Config, frames: Mapping[Condition, Frame]) -> list[Point]:
@@ -167,9 +135,7 @@ def best(points: Sequence[Point]) -> Point | None:
 
 
 def add_rows(rows: RowList, points: Sequence[Point]) -> None:
-    """Add the figures of the points nearest to the paper's, the share of recordings with its figures at the point with most of them, and
-    the number of points at which its figures occur together in the mean.
-    """
+    """Add the figures of the nearest points, the largest share of recordings with the paper's figures, and the number of points."""
     nearest = sorted(points, key=lambda point: (not point.accepted, point.departure))
     for point in nearest[:SHOWN]:
         case = {"distance_m": DISTANCE_M, "target_to_room_db": point.ratio_db, "scale": point.scale}

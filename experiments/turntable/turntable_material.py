@@ -1,35 +1,24 @@
 """Material: by how many decibels does the echo power of objects of similar size depend on their material, measured and simulated?
 
-The material classes are cans (metal), bottles (plastic) and the mug (ceramic). The corner reflector is left out, because it is a
-retroreflector and not of similar size. Paper, disentangled fidelity, material: metal is brighter than plastic in measurement and
-simulation; the simulation exaggerates this contrast and gives too low a level for the ceramic mug. The level of the mug is judged relative
-to the cans, so that a gain difference between measurement and simulation has no effect.
+The classes are cans (metal), bottles (plastic) and the mug (ceramic), without the corner reflector, a retroreflector.
+Paper, disentangled fidelity, material: metal is brighter than plastic in both; the simulation exaggerates this contrast and gives too low a
+level for the mug. The mug is judged relative to the cans, so that a gain difference between measurement and simulation has no effect.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN
 from experiments.campaign.frame import Frame
-from experiments.campaign.schedule import RecordingTask
-from experiments.cells import Cell, difference, first_draw, gap, keys, mean, per, table_rows
-from experiments.drawing import DOMAIN_STYLES, legend_above, panels_width_in
-from experiments.draws import Query
+from experiments.cells import Cell, difference, gap, mean, per
+from experiments.drawing import DOMAIN_STYLES, Figure, figure, legend_above, panels_width_in
+from experiments.framed import framed
 from experiments.verdicts import BELOW, NONE, Claim
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features.families import BRIGHTNESS
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import figure
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from radartwin.runs.experiment import Table
 
 TABLE = Table(
     name="turntable_material",
@@ -53,26 +42,10 @@ EXCESS = {  # class: gap between the domains whose contrast between metal and th
 ALL = "all of similar size"
 
 
-def recordings(config: Config, store: Store, progress: Progress) -> dict[str, RecordingTask]:
-    return Query(config, MOTIONS, unknown=True).recordings(store, progress)
-
-
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Query(config, MOTIONS, unknown=True).frame(store, progress))
-
-
-def score(config: Config, frame: Frame) -> Result:
-    """Build the table. Raises ConfigError if the frame has no distance with objects of two material classes."""
+def cells(config: Config, frame: Frame) -> Iterator[Cell]:
+    """Declare the brightness of each class, the contrasts of metal to the other classes, and the errors of these contrasts."""
     if not similar(frame):
         raise ConfigError("turntable_material needs objects of two material classes at one distance; add objects to profile.campaign")
-    rows = table_rows(config, frame, cells)
-    contrasts = [r for r in rows if r["metric"] == "metal less plastic (dB)" and not r.get("twin")]
-    metrics = {f"metal_less_plastic_{r['of']}_{r['distance_m']:g}m_db": r["value"] for r in contrasts}
-    return Result(TABLE.name, rows, {"turntable_brightness": lambda: _figure(first_draw(frame))}, metrics, keys(frame))
-
-
-def cells(frame: Frame) -> Iterator[Cell]:
-    """Declare the brightness of each class, the contrasts of metal to the other classes, and the errors of these contrasts."""
     brightness = per(BRIGHTNESS)
     for distance, here in similar(frame):
         classes = [kind for kind in CLASSES if kind in set(here.material_class)]
@@ -117,3 +90,7 @@ def _figure(frame: Frame) -> Figure:
     panels[0, 0].set_ylabel("brightness at 1 m (dB)")
     legend_above(drawing, panels[0, 0], 2)
     return drawing
+
+
+METRICS = {"metal_less_plastic_{of}_{distance_m:g}m_db": {"metric": "metal less plastic (dB)", "twin": None}}
+run, recordings, score = framed(TABLE, {"motions": MOTIONS, "unknown": True}, cells, {"turntable_brightness": _figure}, METRICS)

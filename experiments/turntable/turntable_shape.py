@@ -1,41 +1,28 @@
 """Shape: do objects differ in the modulation of their echo over a revolution in the same way in simulation and measurement?
 
-The table compares the harmonic ratio of each object between measurement and simulation, and the ranking of the objects by this ratio
-(Spearman). The harmonic ratio is the power of harmonics 1 to 6 of the echo's modulation over a revolution, relative to harmonic 0. The
-table also compares the distances between objects in the space of all rotation features except brightness (Mantel test), and the
-range-Doppler signatures of a revolution. The signature of a measured object is compared by SSIM with the simulation of the same object and
-of other objects. Further rows give the change of the corner reflector's harmonic ratio with distance. The corresponding sections of the
-paper are "disentangled fidelity, shape" and "turntable fidelity". An object counts as cleanly localised if the strongest echo over all
-ranges lies in the target gate in at least half of its measured recordings; the paper gives no criterion.
+The table compares the harmonic ratio of each object (power of harmonics 1 to 6 over harmonic 0) and its order over objects, the distances
+between objects in the space of all rotation features except brightness (Mantel test), and the range-Doppler signatures (SSIM), and gives
+the change of the reflector's ratio with distance. An object is cleanly localised if its strongest echo lies in the target gate in half of
+its measured recordings or more; the paper gives no criterion.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from experiments import statistics
 from experiments.campaign.cases import COMPARED, LABELS, MEASURED, REFLECTOR, TWIN
 from experiments.campaign.frame import Column, Frame
-from experiments.cells import Cell, first_draw, joined_rows, keys, mantel, mean, paired, per, rank_correlation, table_rows, using
-from experiments.drawing import DOMAIN_STYLES, legend_above
-from experiments.draws import Query
+from experiments.cells import Cell, joined_rows, mantel, mean, paired, per, rank_correlation, using
+from experiments.drawing import DOMAIN_STYLES, PAGE_WIDTH_IN, PALETTE, Figure, figure, legend_above
+from experiments.framed import framed
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.statistics import Estimate
 from experiments.turntable.facet_ripple import ripple_rows
 from experiments.verdicts import BELOW, NONE, Claim
-from radartwin.config.config import Config
 from radartwin.errors import InputError
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
-from radartwin.runs.experiment import Result, Table
 from radartwin.scene.objects.catalogue import catalogue
-from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="turntable_shape",
@@ -65,34 +52,12 @@ _STABLE = "the reflector's ratio is stable with distance: it varies less than be
 STABLE_M = (0.6, 2.1)  # the paper's distances; at smaller distances the wavefront is curved across the reflector
 
 
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Query(config, MOTIONS).frame(store, progress))
-
-
-def score(config: Config, frame: Frame, ripple: bool = True) -> Result:
-    """Build the table rows and figures. `ripple` adds the rows of the module facet_ripple.
-
-    Raises InputError if the recordings differ in the number of frames per revolution.
-    """
+def cells(config: Config, frame: Frame) -> Iterator[Cell]:
+    """Declare the cells of one draw. Raises InputError if the recordings differ in the number of frames per revolution."""
     if len(frames := sorted({len(signature) for signature in frame.signature})) > 1:
         raise InputError(
             f"revolutions of {' and '.join(map(str, frames))} frames cannot be compared; record all turntables at one frame rate and period"
         )
-    rows = table_rows(config, frame, cells)
-    if ripple:
-        rows += joined_rows([ripple_rows(config)])
-    first = first_draw(frame)
-    figures: dict[str, Callable[[], Figure]] = {
-        "turntable_ssim": lambda: _ssim_figure(similarity(first)),
-        "turntable_ranking": lambda: _ranking_figure(first),
-    }
-    headline = {"order of objects": "spearman", "distances between objects": "mantel_r", "signatures": "ssim_mean"}
-    metrics = {headline[r["metric"]]: r["value"] for r in rows if r["metric"] in headline and r["case"] == "all objects"}
-    return Result(TABLE.name, rows, figures, metrics, keys(frame))
-
-
-def cells(frame: Frame) -> Iterator[Cell]:
-    """Declare the cells of one draw."""
     yield from _ratios(frame)
     yield from _orders(frame)
     yield from _signatures(frame)
@@ -104,9 +69,7 @@ def _case(label: str, of: str = "both", distance_m: float | None = None) -> dict
 
 
 def _ratios(frame: Frame) -> Iterator[Cell]:
-    """Declare the harmonic ratio of each object in each domain, and the factor between the ratios of objects that are not round (peaked)
-    and of the cans.
-    """
+    """Declare the harmonic ratio of each object and domain, and the factor between objects that are not round (peaked) and the cans."""
     can, peaked = frame.object.map(is_can), frame["shape"] != "symmetric"
     for domain in COMPARED:
         of = frame[frame.domain == domain]
@@ -120,9 +83,7 @@ def _ratios(frame: Frame) -> Iterator[Cell]:
 
 
 def _separation(rows: Frame, resamples: int, seed: int) -> Estimate:
-    """Estimate the geometric mean of the harmonic ratios of the objects that are not round over that of the cans, from the mean ratio of
-    each object, with a bootstrap over objects.
-    """
+    """Estimate the geometric mean of the harmonic ratios of peaked objects over that of the cans, with a bootstrap over objects."""
     logs = np.log(per(RATIO)(rows).clip(lower=LOWEST))
     cans = logs.index.map(is_can)
     estimate = statistics.difference(logs[~cans].to_numpy(), logs[cans].to_numpy(), resamples, seed)
@@ -158,9 +119,7 @@ def similarity(frame: Frame) -> Frame:
 
 
 def own_and_others(similar: Frame) -> tuple[Column, Frame]:
-    """Return the mean SSIM of each measured object with its own simulation (objects,), and with the simulation of each other object
-    (objects, objects), which is NaN for the object itself.
-    """
+    """Return the mean SSIM of each object with its own simulation, and with those of others (objects, objects; NaN for itself)."""
     means = similar.groupby(["object", "object_twin"], sort=False).ssim.mean().unstack().reindex(similar.object.unique())
     itself = means.index.to_numpy()[:, None] == means.columns.to_numpy()
     return means.where(itself).max(axis=1), means.mask(itself)
@@ -178,10 +137,7 @@ def _signatures(frame: Frame) -> Iterator[Cell]:
 
 
 def _distances(frame: Frame) -> Iterator[Cell]:
-    """Declare the variation of the harmonic ratio with distance, for the corner reflector and as a mean over objects.
-
-    The claim is that the harmonic ratio of the corner reflector varies less with distance than the harmonic ratio varies between objects.
-    """
+    """Declare the variation of the ratio with distance, of the reflector (claimed to be below that between objects) and of objects."""
     metric = "variation over distance"
     for domain in COMPARED:
         of = frame[frame.domain == domain]
@@ -231,3 +187,19 @@ def _ranking_figure(frame: Frame) -> Figure:
     axes.grid(axis="x", color="0.9", lw=0.5)
     legend_above(drawing, axes, 2)
     return drawing
+
+
+ALL = "all objects"
+METRICS = {
+    "spearman": {"metric": "order of objects", "case": ALL},
+    "mantel_r": {"metric": "distances between objects", "case": ALL},
+    "ssim_mean": {"metric": "signatures", "case": ALL},
+}
+FIGURES = {"turntable_ssim": lambda first: _ssim_figure(similarity(first)), "turntable_ranking": _ranking_figure}
+_run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, FIGURES, METRICS)
+
+
+def run(config: Config, store: Store, progress: Progress) -> Result:
+    """Compute the table, with the rows of the module facet_ripple."""
+    result = _run(config, store, progress)
+    return replace(result, rows=[*result.rows, *joined_rows([ripple_rows(config)])])

@@ -1,15 +1,11 @@
 """Size: does the echo power rise with the height of cans that are otherwise equal?
 
-The six cans have equal diameter and material and heights from 76 to 157 mm. The echo power should rise by 6 dB per doubling of the height,
-because a cylinder's cross-section grows with the square of its height as long as the wavefront is flat across the can. Paper, disentangled
-fidelity, size: the measured echo power shows no consistent trend, because the array has no aperture in elevation; the simulation includes
-the whole mesh and may show a trend.
+The six cans have heights from 76 to 157 mm. The echo power should rise by 6 dB per doubling, as long as the wavefront is flat across the
+can. Paper, disentangled fidelity, size: the measured echo power shows no consistent trend, because the array has no aperture in elevation;
+the simulation includes the whole mesh and may show a trend.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,23 +13,17 @@ from numpy.typing import NDArray
 from experiments import statistics
 from experiments.campaign.cases import COMPARED, LABELS
 from experiments.campaign.frame import Frame
-from experiments.cells import Cell, first_draw, keys, per, rank_correlation, table_rows, using
-from experiments.drawing import DOMAIN_STYLES, legend_above, panels_width_in
-from experiments.draws import Query
+from experiments.cells import Cell, per, rank_correlation, using
+from experiments.drawing import DOMAIN_STYLES, Figure, figure, legend_above, panels_width_in
+from experiments.framed import framed
 from experiments.statistics import Estimate
 from experiments.turntable.turntable_shape import is_can
 from experiments.verdicts import EQUAL, NONE, Claim
 from radartwin.config.config import Config
 from radartwin.errors import ConfigError
 from radartwin.features.families import BRIGHTNESS
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import figure
-from radartwin.runs.experiment import Result, Table
+from radartwin.runs.experiment import Table
 from radartwin.scene.objects.catalogue import catalogue
-from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="turntable_size",
@@ -47,23 +37,12 @@ MOTIONS = ("turntable",)
 NO_TREND = Claim("no consistent trend with the height of a can", "none", direction=EQUAL, null=0.0, margin=0.5)
 
 
-def run(config: Config, store: Store, progress: Progress) -> Result:
-    return score(config, Query(config, MOTIONS).frame(store, progress))
-
-
-def score(config: Config, frame: Frame) -> Result:
-    """Build the rows for each distance and domain (measured, simulated). Raises ConfigError if the frame has fewer than three cans."""
+def cells(config: Config, frame: Frame) -> Iterator[Cell]:
+    """Declare the order and the slope of the brightness over the heights of the cans, at each distance and over all distances."""
     cans = frame[frame.object.map(is_can)]
     if (count := cans.object.nunique()) < 3:
         raise ConfigError(f"turntable_size needs three cans or more, but the campaign has {count}; add cans to profile.campaign")
-    rows = table_rows(config, cans, cells)
-    metrics = {f"order_by_height_{r['of']}": r["value"] for r in rows if r["metric"] == "order by height" and r["distance_m"] is None}
-    return Result(TABLE.name, rows, {"turntable_size": lambda: _figure(first_draw(cans))}, metrics, keys(cans))
-
-
-def cells(frame: Frame) -> Iterator[Cell]:
-    """Declare the order and the slope of the brightness over the heights of the cans, at each distance and over all distances."""
-    for distance, here in [*frame.groupby("distance_m"), (None, frame)]:
+    for distance, here in [*cans.groupby("distance_m"), (None, cans)]:
         for domain, claim in zip(COMPARED, (NO_TREND if distance is None else NONE, NONE), strict=True):
             of = here[here.domain == domain]
             if of.object.nunique() > 2:
@@ -98,9 +77,10 @@ def slope_db(height_m: NDArray, brightness_db: NDArray, resamples: int, seed: in
     return statistics.resampled(slope(np.arange(len(octaves))), drawn, len(octaves))
 
 
-def _figure(cans: Frame) -> Figure:
+def _figure(frame: Frame) -> Figure:
     """Draw brightness in decibels against height, with one panel per distance."""
-    where = [(distance, here) for distance, here in cans.groupby("distance_m") if here.object.nunique() > 2]
+    cans = frame[frame.object.map(is_can)].groupby("distance_m")
+    where = [(distance, here) for distance, here in cans if here.object.nunique() > 2]
     drawing, panels = figure(1, len(where), width_in=panels_width_in(len(where)), height_in=2.5, sharey=True, squeeze=False)
     for panel, (distance, here) in zip(panels[0], where, strict=True):
         height = 1000 * heights_m(here)
@@ -113,3 +93,7 @@ def _figure(cans: Frame) -> Figure:
     panels[0, 0].set_ylabel("brightness at 1 m (dB)")
     legend_above(drawing, panels[0, 0], 2)
     return drawing
+
+
+METRICS = {"order_by_height_{of}": {"metric": "order by height", "distance_m": None}}
+run, recordings, score = framed(TABLE, {"motions": MOTIONS}, cells, {TABLE.name: _figure}, METRICS, named=True)

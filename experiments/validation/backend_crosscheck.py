@@ -1,37 +1,27 @@
 """Compare the specular paths of RadarTwin's tracer with Sionna RT and with exact image sources, path by path, in procedural rooms.
 
-Sionna RT and the image sources treat every wall as an infinite mirror, so levels are judged only for paths with a clear first Fresnel zone.
-The image sources are those of the room's six planes and contain no furniture. An echo from a corner of m walls is the sum over the orders
-in which a path can hit the walls. Paths with equal directions and length are therefore added before the comparison. Sionna RT searches
-paths from a point back to the same point ("co-located"). In the co-located case, Sionna RT misses corners, because the mirror points of a
-corner lie on edges. If the receiver is moved aside by APART_M ("apart"), Sionna RT finds one order of walls for each corner. In the
-co-located case, the compared path lengths are those that Sionna returns in single precision. In the apart case, only the facets that
-Sionna's paths hit are used. The length of each path is computed again, with transmitter and receiver at one point.
-
-The matching tolerances of `path_match` are wider than the errors of the compared methods and narrower than the differences between paths.
-RadarTwin traces paths that reflect at small or curved surfaces by ray tubes, so these paths are counted separately. The metric
-"share of ours it has" is the fraction of RadarTwin's strong image paths that the reference also finds. A path is strong if its level is
-within DYNAMIC_DB of the strongest path.
+The references treat every wall as an infinite mirror, so levels are judged only for paths with a clear first Fresnel zone. The image
+sources are those of the room's six planes; paths into a corner, one for each order of its walls, are added before the comparison. Sionna RT
+from a point back to the same point ("co-located") misses corners, whose mirror points lie on edges; with the receiver APART_M aside
+("apart") it finds one order of walls, and the length is computed again for a single point. The tolerances of `path_match` are wider than
+the errors of the methods and narrower than the differences between paths. Paths over small or curved surfaces, which RadarTwin traces by
+ray tubes, are counted separately. Only paths within DYNAMIC_DB of the strongest count.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from experiments import statistics, verdicts
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.validation.oracles.rooms import rotation
 from experiments.validation.oracles.shells import Room
 from experiments.validation.path_match import PathSet, partners, together
-from radartwin.config.config import Config
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.radar.chirp import Radar
 from radartwin.runs import workers
-from radartwin.runs.experiment import Result, Table
 from radartwin.scene import rooms
 from radartwin.scene.scene import Scene
 from radartwin.simulation import geometry, reflection_table
@@ -41,10 +31,6 @@ from radartwin.simulation.backends.sionna import SionnaBackend, SionnaSettings
 from radartwin.simulation.backends.sionna_scene import quiet
 from radartwin.simulation.backends.static_scene import small_faces
 from radartwin.simulation.paths import Paths
-from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="backend_crosscheck",
@@ -73,10 +59,7 @@ CLAIMS = {
 
 @dataclass(frozen=True)
 class Compared:
-    """Comparison of RadarTwin's paths with the paths of one reference at one position of the radar.
-
-    The comparison uses only strong paths, within DYNAMIC_DB of the strongest path.
-    """
+    """The paths of one reference against ours at one position of the radar; only paths within DYNAMIC_DB of the strongest count."""
 
     matched: np.ndarray  # (N,) whether each strong path of the reference has a partner among RadarTwin's paths
     length_mm: np.ndarray  # (M,) length errors of the matched paths
@@ -87,9 +70,7 @@ class Compared:
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:
-    """Compare the paths in all rooms: at one radar position per room with profile=quick, at `profile.repeats` positions with
-    profile=paper.
-    """
+    """Compare the paths at one radar position per room (profile=quick) or at `profile.repeats` positions."""
     places = 1 if config.profile.name == "quick" else config.profile.repeats
     compared: dict[tuple[str, str, str], list[Compared]] = {}
     by_room: dict[str, dict[str, PathSet]] = {}
@@ -117,10 +98,7 @@ def _paths_in(room: str, detail: str, place: int, seed: int) -> dict[str, PathSe
 
 
 def pose_in(room: str, place: int, seed: int) -> np.ndarray:
-    """Return a sensor pose (4, 4) near the rover's start.
-
-    The sensor pose is off all symmetry planes of the room, and tilted so that no image source lies on the antenna's axis.
-    """
+    """Return a pose (4, 4) near the rover's start, off all symmetry planes and tilted, so that no image lies on the antenna's axis."""
     pose = rooms.bench(room).sensor_pose.copy()
     draw = np.random.default_rng([seed, place])
     pose[:3, 3] += draw.uniform([0.05, 0.05, 0.02], [0.35, 0.35, 0.6])
@@ -192,10 +170,7 @@ def frequency_hz(scene: Scene) -> float:
 
 
 def cleared(paths: PathSet, images: PathSet) -> PathSet:
-    """Return the paths with the attribute `clear` taken from the matching image source.
-
-    A path that reflects at furniture has no matching image source, so its `clear` is false.
-    """
+    """Return the paths with `clear` taken from the matching image source; a path over furniture has none, and is not clear."""
     index = partners(paths, images)
     return replace(paths, clear=np.where(index >= 0, images.clear[index], False))
 

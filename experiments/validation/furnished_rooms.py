@@ -1,34 +1,21 @@
 """Score the simulator in furnished metal rooms against full-wave fields: nine given rooms and thirty seeded rooms.
 
-Each room is simulated twice: for a radar at rest, and as the middle frame of a track. The command
-`python -m experiments.validation.furnished_rooms [--output DIR]` prints a table with one line per room: the rms difference of the range
-profiles over 40 dB and the complex error, at rest and on the track, the number of paths, the seconds of the simulation at rest and the
-milliseconds of a frame of the track, with its search. Two more lines give medians and worst values. The command also draws the room with
-the largest profile difference.
+Each room is simulated twice: for a radar at rest, and as the middle frame of a track.
 """
 
-from __future__ import annotations
-
-import argparse
-import time
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure
 from experiments.validation.oracles import fullwave, furnished
 from experiments.validation.oracles.case import Case, Finding, Untestable
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure, save
 from radartwin.scene.scene import Scene
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.signal.synthesis import received
 from radartwin.simulation.simulate import trace_paths
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 FRAMES, STEP_M = 51, 0.01  # frames of a track, and distance between its poses
 SLOW_HZ = 1e-3  # frame rate of a track
@@ -42,63 +29,32 @@ class Score:
     name: str
     compared: fullwave.Compared  # for a radar at rest
     on_track: fullwave.Compared  # in the middle frame of a track
-    paths: int
-    seconds: float  # wall time of the simulation at rest
-    frame_ms: float  # wall time of a frame of the track
 
     def worst(self, measure: str) -> float:
         """Return the larger value of a property of `Compared`, at rest and on the track."""
         return max(float(getattr(comparison, measure)) for comparison in (self.compared, self.on_track))
 
 
-def simulated(scene: Scene, frames: int) -> tuple[np.ndarray, int, float]:
-    """Return the samples (N,) of the first channel and chirp of a radar at the origin, the number of paths of its frame, and the wall
-    time of the simulation in seconds.
-
-    frames: odd number of frames of a track along y, of which the middle one is at the origin; 1 for a radar at rest. The radar moves so
-    slowly that it stays in place during a chirp.
-    """
-    began = time.perf_counter()
+def simulated(scene: Scene, frames: int) -> np.ndarray:
+    """Return the samples (N,) of the first channel and chirp of a radar at the origin, at rest or in the middle of a slow track along y."""
     radar, middle = replace(furnished.radar(), frame_rate_hz=SLOW_HZ), frames // 2
     track = np.repeat(np.eye(4)[None], frames, axis=0)
     track[:, 1, 3] = STEP_M * (np.arange(frames) - middle)
     parts = [part.frames(middle, middle + 1) for part in trace_paths(scene, radar, track, None, TraceSettings())[0]]
-    samples = received(parts, radar, 1)[0, 0, 0, 0]
-    return samples, sum(map(len, parts)), time.perf_counter() - began
+    return received(parts, radar, 1)[0, 0, 0, 0]
 
 
 @cache
 def score(folder: Path, name: str) -> Score:
     """Simulate a room of a folder at rest and on a track, and compare both with its full-wave field."""
     scene = fullwave.scene(folder, name)
-    (samples, paths, rest), (moving, _, track) = (simulated(scene, frames) for frames in (1, FRAMES))
-    compared, on_track = (fullwave.compare(folder, name, iq) for iq in (samples, moving))
-    return Score(folder, name, compared, on_track, paths, rest, 1e3 * track / FRAMES)
-
-
-def rooms() -> list[tuple[Path, str]]:
-    """Return folder and name of all rooms. The given rooms are absent if the reference data are not beside the checkout."""
-    folders = [folder for folder in (fullwave.GIVEN, furnished.ROOMS) if folder.is_dir()]
-    return [(folder, name) for folder in folders for name in fullwave.names(folder)]
+    return Score(folder, name, *(fullwave.compare(folder, name, simulated(scene, frames)) for frames in (1, FRAMES)))
 
 
 def worst(full: bool) -> Score:
     """Return the seeded room with the largest profile difference. If `full` is false, only the first room of each kind counts."""
     names = fullwave.names(furnished.ROOMS)[: None if full else len(furnished.KINDS)]
     return max((score(furnished.ROOMS, name) for name in names), key=lambda room_score: room_score.worst("profile_db"))
-
-
-def table(scores: Iterable[Score]) -> str:
-    """Return the table of scores as text, with the median and the worst of each column."""
-    import pandas as pd
-
-    rows = pd.DataFrame({
-        s.name: {
-            "profile dB": s.compared.profile_db, "complex": s.compared.error, "track dB": s.on_track.profile_db,
-            "track complex": s.on_track.error, "paths": s.paths, "seconds": s.seconds, "ms/frame": s.frame_ms,
-        } for s in scores
-    }).T  # fmt: skip
-    return pd.concat([rows, rows.agg(["median", "max"]).rename({"max": "worst"})]).round(3).to_string()
 
 
 def drawing(room_score: Score) -> Figure:
@@ -146,17 +102,3 @@ CASES = [
     for name, (words, oracle, folder, few) in SETS.items()
     for measure, (short, quantity, metric, limit, unit) in MEASURES.items()
 ]  # fmt: skip
-
-
-def main() -> None:
-    """Print the table of all rooms and draw the worst room."""
-    parser = argparse.ArgumentParser(description="Score the simulator in furnished metal rooms against full-wave fields.")
-    parser.add_argument("--output", type=Path, default=Path("outputs"), help="folder of the figure")
-    folder = parser.parse_args().output
-    scores = [score(*room) for room in rooms()]
-    print(table(scores))
-    save(drawing(max(scores, key=lambda room_score: room_score.worst("profile_db"))), folder / "figures" / "furnished_rooms_worst")
-
-
-if __name__ == "__main__":
-    main()

@@ -49,18 +49,13 @@ def together(paths: PathSet) -> PathSet:
 
 
 def _apart_deg(paths: PathSet, departure: np.ndarray, arrival: np.ndarray) -> np.ndarray:
-    """Return for each path (N,) the larger angle in degrees between the compared directions at its two ends.
-
-    The angles between directions are computed from chords, because cosines are inaccurate for small angles.
-    """
+    """Return for each path (N,) the larger angle in degrees at its two ends, from chords, which are accurate for small angles."""
     chords = [np.linalg.norm(direction - other, axis=1) for direction, other in ((paths.departure, departure), (paths.arrival, arrival))]
     return np.degrees(2 * np.arcsin(np.clip(np.maximum(*chords) / 2, 0, 1)))
 
 
 def partners(of: PathSet, among: PathSet) -> np.ndarray:
-    """Return for each path of `of` the index (N,) of the path of `among` that is nearest in length and angle; -1 if none is in
-    tolerance.
-    """
+    """Return for each path of `of` the index of the nearest path of `among` in length and angle; -1 if none is in tolerance."""
     out = np.full(len(of.length_m), -1)
     for i in range(len(out)):
         misfit = np.maximum(

@@ -9,30 +9,27 @@ a verdict. The limits are:
 - scan: the limits of the table `scan` for scans of procedural rooms.
 """
 
-from __future__ import annotations
-
 import csv
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import trimesh
 
 from experiments import verdicts
+from experiments.drawing import PAGE_WIDTH_IN, PALETTE, Figure, figure
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.scans import scan
 from experiments.statistics import Estimate, exact, resampled
 from experiments.validation.oracles.case import REFERENCE
 from experiments.validation.oracles.nearfield import corner_quadrature
 from experiments.validation.oracles.targets import corner_faces
 from radartwin.builders.radar import named_radar
-from radartwin.config.config import Config
 from radartwin.constants import SPEED_OF_LIGHT
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.radar.chirp import Radar
 from radartwin.radar.process_capture import process_capture
 from radartwin.reconstruct.build import reconstruct
@@ -40,17 +37,12 @@ from radartwin.reconstruct.frames.layouts import load_frames
 from radartwin.reconstruct.fusion.fusion import fuse
 from radartwin.reconstruct.mesh_distance import Nearest, covered
 from radartwin.reconstruct.scan_file import load_scan
-from radartwin.runs.experiment import Result, Table
 from radartwin.scene import objects
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.trajectories.trajectory import look_at
 from radartwin.simulation.rcs import rcs
 from radartwin.simulation.simulate import simulate
 from radartwin.store.digest import path_digest
-from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="reality",
@@ -163,12 +155,10 @@ def measured_levels() -> tuple[np.ndarray, Mapping[float, np.ndarray]]:
 
 @cache
 def dihedral_levels(side_m: float, method: str) -> np.ndarray:
-    """Return the levels (n,) in dB of a dihedral at the measured aspects, with an unknown constant offset.
+    """Return the levels (n,) in dB of a dihedral with faces of `side_m` at the measured aspects, with an unknown constant offset.
 
-    Args:
-        side_m: side of the square faces in metres.
-        method: "simulator" (the strongest of the range bins 17 to 23 of a simulated recording with a Hann window), "physical optics"
-            (near-field quadrature of all reflections at 78.5 GHz) or "far field" (radar cross-section in the horizontal plane).
+    The method "simulator" gives the strongest of the range bins BINS of a simulated recording with a Hann window, "physical optics" the
+    near-field quadrature of all reflections at CENTRE_HZ, and "far field" the radar cross-section in the horizontal plane.
     """
     angles, height = np.radians(measured_levels()[0]), HEIGHT_M - side_m / 2
     mesh, over = objects.dihedral(side_m, side_m), np.stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))], axis=1)
@@ -195,7 +185,10 @@ def compare_dihedrals(config: Config) -> Iterator[Compared]:
     parts = {f"{100 * side:.0f} cm": slice(k, k + 1) for k, side in enumerate(SIDES_M)} | {"both sizes, one offset": slice(None)}
     for method in METHODS:
         for name, part in parts.items():
-            estimate, optics = (_spread(errors[tested][part], blocks) for tested in (method, OPTICS))
+            estimate, optics = (
+                resampled(float(of.std()), np.swapaxes(of[:, blocks], 0, 1).reshape(len(blocks), -1).std(axis=1), of.size)
+                for of in (errors[method][part], errors[OPTICS][part])
+            )
             limit = optics.high if method == OURS else None
             claim = "not farther from the measured levels than physical optics is" if limit else ""
             note = "" if limit else "whose interval is the limit" if method == OPTICS else "control without near field"
@@ -203,12 +196,6 @@ def compare_dihedrals(config: Config) -> Iterator[Compared]:
         means = errors[method][:, blocks].mean(axis=2)
         estimate = resampled(float(np.diff(errors[method].mean(axis=1))[0]), np.diff(means, axis=0)[0], errors[method].shape[1])
         yield Compared("offset of 10 cm minus offset of 5 cm (dB)", method, estimate, note="mean of computed minus measured level")
-
-
-def _spread(errors: np.ndarray, blocks: np.ndarray) -> Estimate:
-    """Return the standard deviation of the errors (sizes, aspects) in dB, which have one unknown offset, over these `_blocks`."""
-    drawn = np.swapaxes(errors[:, blocks], 0, 1).reshape(len(blocks), -1).std(axis=1)
-    return resampled(float(errors.std()), drawn, errors.size)
 
 
 def _blocks(count: int, resamples: int, rng: np.random.Generator) -> np.ndarray:
@@ -258,11 +245,7 @@ def _peaks(ranges_m: np.ndarray, described_m: Sequence[float], bin_m: float, whe
 
 
 def compare_scan(config: Config) -> Iterator[Compared]:
-    """Yield the errors of the reconstruction of the chair scan.
-
-    The errors are distances and scale error between RadarTwin's mesh of the camera frames and the vendor's mesh, and the distance from the
-    vendor's mesh to the surfaces of RadarTwin's scene.
-    """
+    """Yield distances and scale error between our mesh of the camera frames and the vendor's mesh, and from this mesh to our scene."""
     frames = load_frames(CHAIR)
     vendor, fused = load_scan(CHAIR / "export.obj", up="y")[0], fuse(frames)[0]
     distances = [_distances(fused, [vendor]), _distances(vendor, [fused])]
@@ -288,10 +271,8 @@ def _distances(mesh: trimesh.Trimesh, others: Sequence[trimesh.Trimesh]) -> np.n
 
 
 def fitted_scale(mesh: trimesh.Trimesh, other: trimesh.Trimesh) -> float:
-    """Return the factor that scales a mesh to another mesh, fitted together with rotation and translation to point-to-plane distances.
-
-    Noise of the points makes this factor too small. The factor from the other mesh to the first is too small by the same amount. The square
-    root of the ratio of both factors therefore has no such error.
+    """Return the factor that scales a mesh to another, fitted with rotation and translation to point-to-plane distances. Noise makes it
+    too small, as it does in the other direction, so that the square root of the ratio of both factors has no such error.
     """
     from scipy.spatial.transform import Rotation
 

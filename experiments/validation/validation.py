@@ -1,33 +1,24 @@
 """Validation table (card): every physics check with its reference value, RadarTwin's value, error, limit and verdict.
 
-The checks (cases) are in experiments/validation/oracles and are also the physics tests (tests/physics/test_validation.py). With
-profile=quick, only the validation cases that take seconds run, each with some of its sizes, seeds and angles. With profile=paper, all
-validation cases run with all of their sizes, seeds and angles.
+The checks (cases) are in experiments/validation/oracles and are also physics tests (tests/physics/test_validation.py). With profile=quick,
+the cases that take seconds run with some of their sizes, seeds and angles, with profile=paper all cases with all of them.
 """
-
-from __future__ import annotations
 
 import math
 import time
 from collections import Counter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from experiments import verdicts
+from experiments.drawing import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, PALETTE, Figure, figure
+from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.statistics import Estimate, exact
 from experiments.validation import furnished_rooms
 from experiments.validation.oracles import dielectrics, energy, motion, near, rooms, sampling, targets
 from experiments.validation.oracles.case import Case, Untestable, reference_rows
-from radartwin.config.config import Config
-from radartwin.io.progress import Progress
-from radartwin.plotting.style import COLUMN_WIDTH_IN, PAGE_WIDTH_IN, PALETTE, figure
 from radartwin.runs import workers
-from radartwin.runs.experiment import Result, Table
-from radartwin.store.products import Store
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = Table(
     name="validation",
@@ -55,9 +46,9 @@ NOT_FINITE = 1e9  # shown for an error that is not finite, because a case that f
 def run(config: Config, store: Store, progress: Progress) -> Result:
     """Compute every validation case of the profile and return the rows in the order of the validation table."""
     full = config.profile.name != "quick"
-    cases = [(case, full) for case in CASES if full or case.cost == "quick"]
+    cases = [(case.name, full) for case in CASES if full or case.cost == "quick"]
     with progress.task("validation cases", len(cases)) as done:
-        rows = workers.each(row, cases, config.jobs, done)
+        rows = workers.each(named_row, cases, config.jobs, done)
     count = Counter(row["verdict"] or "absent" for row in rows)
     metrics = {f"cases_{word}": float(count[word]) for word in (verdicts.HOLDS, verdicts.MISSES, "absent")}
     metrics |= {f"share_of_limit_{r['case']}": r["error"] / r["limit"] for r in rows if r["verdict"] == verdicts.MISSES}
@@ -71,10 +62,13 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     return Result(TABLE.name, rows, figures, metrics)
 
 
+def named_row(name: str, full: bool) -> dict[str, Any]:
+    """Compute the case of this name. A worker cannot receive the functions of a case."""
+    return row(next(case for case in CASES if case.name == name), full)
+
+
 def row(case: Case, full: bool) -> dict[str, Any]:
-    """Compute a validation case and return its table row. If a validation case cannot be tested, the column `oracle` of its row gives
-    the reason.
-    """
+    """Compute a validation case and return its table row, whose `oracle` says why a case cannot be tested."""
     started = time.perf_counter()
     oracle, reference, simulated, error, seconds, estimate = case.oracle, None, None, None, None, exact(math.nan, 0)
     try:

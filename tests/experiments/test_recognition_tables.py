@@ -220,8 +220,8 @@ def test_contrastive_exports_a_model(store: Store, tmp_path: Path, overrides: tu
 def test_rover_rows_follow_the_level_of_supervision():
     label_free = config("rover_recognition", "supervision=label_free", "supervision.seeds=1", "supervision.trees=2")
     of = pd.concat([sides_of({"": drives(materials="vlm")}, motion) for motion in rover_recognition.MOTIONS], ignore_index=True)
-    assert {row["supervision"] for row in rover_recognition.score(label_free, of, Progress()).rows} == {"label_free"}
-    result = checked(rover_recognition.score(config("rover_recognition"), of, Progress()))
+    assert {row["supervision"] for row in rover_recognition.score(label_free, of).rows} == {"label_free"}
+    result = checked(rover_recognition.score(config("rover_recognition"), of))
     assert {row["supervision"] for row in result.rows} == {"label_free", "calibrated", "few_shot"}
     objects = find(result, supervision="label_free", motion="lateral", classes="object", method=rover_recognition.TRAINED)
     assert (objects["verdict"], objects["n"], objects["chance"]) == ("supported", 24, pytest.approx(1 / 6))
@@ -237,7 +237,7 @@ def test_the_ablation_detects_the_benefit_of_the_room():
     """In the synthetic rooms, a wrong material mirrors the room's echoes, so that the labelled room recognises best."""
     names = (reconstruction_ablation.LABELLED, reconstruction_ablation.UNIFORM, reconstruction_ablation.VOID)
     sides = {name: drives(materials=source) for name, source in zip(names, ("vlm", "uniform", "void"), strict=True)}
-    result = checked(reconstruction_ablation.score(config("reconstruction_ablation"), sides_of(sides, "lateral"), Progress()))
+    result = checked(reconstruction_ablation.score(config("reconstruction_ablation"), sides_of(sides, "lateral")))
     method = f"{reconstruction_ablation.LABELLED} - {reconstruction_ablation.UNIFORM}"
     assert find(result, classes="object", method=method, metric="gain in accuracy")["value"] > 0
     uneven = [row for row in result.rows if row["metric"] == "share of the unequal objects"]
@@ -251,7 +251,7 @@ def test_the_ablation_detects_the_benefit_of_the_room():
 def test_material_errors_are_zero_with_true_materials():
     settings, shares = config("material_errors", "profile.name=paper"), 3
     sides = {name: drives(materials=materials.source) for name, (_, materials) in material_errors.sources(settings).items()}
-    result = checked(material_errors.score(settings, sides_of(sides, "lateral"), Progress()))
+    result = checked(material_errors.score(settings, sides_of(sides, "lateral")))
     errors = [row["value"] for row in result.rows if row["metric"].startswith("level error")]
     assert errors[0] == 0
     assert len(errors) == shares + 2  # one further error with the configured settings

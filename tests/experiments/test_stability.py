@@ -43,7 +43,7 @@ def test_samples_that_are_not_finite_give_nan(monkeypatch: pytest.MonkeyPatch) -
         iq = np.full((1, 1, 1, 1, 256), np.nan + 0j)
 
     monkeypatch.setattr(sweeps, "simulate", lambda *given, **options: Broken)
-    assert math.isnan(stability.error(BY_NAME["gap"], METHODS[0], 1.0))
+    assert math.isnan(stability.errors_of(BY_NAME["gap"], METHODS[0])[0])
 
 
 # {parameter: (value, limit of the error in dB)} at which the tracer must stay accurate

@@ -23,7 +23,7 @@ def frame() -> Frame:
 
 
 def shape_of(frame: Frame) -> Result:
-    return turntable_shape.score(config("turntable_shape"), frame, ripple=False)
+    return turntable_shape.score(config("turntable_shape"), frame)
 
 
 def test_a_nearly_exact_twin_keeps_order_distances_and_signatures(frame: Frame) -> None:

@@ -12,7 +12,7 @@ from fake_campaign import config
 from experiments import statistics
 from experiments.recognition.protocol import permuted_accuracy
 from experiments.statistics import Estimate
-from experiments.verdicts import ABOVE, BELOW, EQUAL, NONE, Claim, judge, row, within
+from experiments.verdicts import ABOVE, BELOW, EQUAL, NONE, Claim, RowList, judge, within
 from radartwin.recognize.samples import MEASURED, Part, gather
 from radartwin.runs.experiment import check_rows
 
@@ -41,25 +41,25 @@ def test_no_effect_has_a_margin(low: float | None, high: float | None, word: str
 
 
 def test_rows_carry_what_their_verdict_follows_from() -> None:
-    settings = config("turntable_shape")
+    rows = RowList(config("turntable_shape"))
     above = Claim("c", bound=0.2, null=0.0)
-    judged = row(settings, {}, "m", Estimate(0.3, 0.1, 0.5, 9), (), above)
+    judged = rows.add({}, "m", Estimate(0.3, 0.1, 0.5, 9), (), above)
     assert judged["verdict"] == "direction shown"
     assert [judged[name] for name in ("bound", "direction", "null", "margin", "level", "family", "test", "unit")] == [
         0.2, "above", 0.0, None, 0.95, "", statistics.STUDENT, "recordings",
     ]  # fmt: skip
-    nowhere = row(settings, {}, "m", Estimate(np.nan, 0.2, np.inf, 5), ["a", "b"], above)
+    nowhere = rows.add({}, "m", Estimate(np.nan, 0.2, np.inf, 5), ["a", "b"], above)
     assert (nowhere["value"], nowhere["high"], nowhere["verdict"], nowhere["n"]) == (None, None, "undecided", 2)
-    unbounded = row(settings, {}, "m", Estimate(3.0, 0.2, np.inf, 5), (), Claim("c", bound=0.0))
+    unbounded = rows.add({}, "m", Estimate(3.0, 0.2, np.inf, 5), (), Claim("c", bound=0.0))
     assert (unbounded["high"], unbounded["verdict"]) == (None, "supported")
-    single = row(settings, {}, "m", Estimate(3.0, 3.0, 3.0, 1), (), above)
+    single = rows.add({}, "m", Estimate(3.0, 3.0, 3.0, 1), (), above)
     assert (single["low"], single["high"], single["p"], single["verdict"]) == (None, None, None, "undecided")
-    assert row(settings, {}, "m", Estimate(3.0, 3.0, 3.0, 1), (), Claim("c", bound=0.2, least=1))["verdict"] == "supported"
+    assert rows.add({}, "m", Estimate(3.0, 3.0, 3.0, 1), (), Claim("c", bound=0.2, least=1))["verdict"] == "supported"
     equal = statistics.resampled(0.2, np.full(9, 0.2), 3)
-    assert row(settings, {}, "m", equal, (), above)["verdict"] == "undecided", "a bootstrap whose samples are all equal"
-    plain = row(settings, {}, "m", Estimate(0.3, 0.1, 0.5, 9), (), NONE)
+    assert rows.add({}, "m", equal, (), above)["verdict"] == "undecided", "a bootstrap whose samples are all equal"
+    plain = rows.add({}, "m", Estimate(0.3, 0.1, 0.5, 9), (), NONE)
     assert (plain["verdict"], plain["bound"], plain["low"]) == ("", None, 0.1)
-    limits = [row(settings, {}, "m", Estimate(at, at, at, 2), (), Claim("c", bound=1.0, direction=BELOW, limit=True)) for at in (0.9, 1.1)]
+    limits = [rows.add({}, "m", Estimate(at, at, at, 2), (), Claim("c", bound=1.0, direction=BELOW, limit=True)) for at in (0.9, 1.1)]
     assert [judgement["verdict"] for judgement in limits] == ["holds", "misses"]
     check_rows("t", [judged, nowhere, unbounded, single, plain, *limits])
     assert within("c", -1.0, 3.0) == Claim("c", direction=EQUAL, null=1.0, margin=2.0)

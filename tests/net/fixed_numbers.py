@@ -96,7 +96,7 @@ TABLES: dict[str, tuple[Any, tuple[Motion, ...]]] = {
     "rover_disentangle": (rover_disentangle.score, DRIVES),
     "rover_fidelity": (rover_fidelity.score, DRIVES),
     "turntable_material": (turntable_material.score, ("turntable",)),
-    "turntable_shape": (partial(turntable_shape.score, ripple=False), ("turntable",)),
+    "turntable_shape": (turntable_shape.score, ("turntable",)),
     "turntable_size": (turntable_size.score, ("turntable",)),
 }
 TEXTS = {"claim", "family", "test", "unit", "run_keys", "paper", "reason", "domain", "seed", "interval_scale", "direction", "level"}

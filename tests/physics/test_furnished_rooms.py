@@ -84,17 +84,6 @@ def test_a_frame_of_a_track_is_as_right_as_a_frame_at_rest(name):
     assert found.on_track.error == pytest.approx(found.compared.error, abs=0.01)
 
 
-def test_table_of_scores_ends_with_median_and_worst():
-    ranges = np.linspace(0.2, 1.25, 50)
-    truth = np.exp(-(((ranges - 0.7) / 0.1) ** 2)) + 0j
-    compared = [fullwave.Compared(ranges, truth, gain * truth) for gain in (1.0, 10 ** (1 / 20), 10 ** (3 / 20))]
-    scores = [furnished_rooms.Score(furnished.ROOMS, f"room {n}", one, one, n, 1.0, 5.0) for n, one in enumerate(compared)]
-    *_, median, worst = furnished_rooms.table(scores).splitlines()
-    for line, name, profile_db in ((median, "median", 1.0), (worst, "worst", 3.0)):
-        assert line.split()[0] == name
-        assert [float(line.split()[i]) for i in (1, 3)] == pytest.approx([profile_db] * 2, abs=0.01)
-
-
 def test_interpolated_channels_agree_with_exact_ones(monkeypatch):
     """The fields of most paths are interpolated between the outermost channels; here they are computed at every channel."""
     variant.activate("auto")

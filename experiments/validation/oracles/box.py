@@ -1,9 +1,8 @@
 """All image sources of an empty rectangular room, with vector reflection at every wall. Ref: J. Allen, D. Berkley, JASA 65 (1979) 943.
 
-The unfolded path to the image source with (i, j, k) reflections along x, y, z is a straight line that crosses the image's walls one after
-another. A monostatic path into an edge or corner crosses several walls at the same point, so the order of the walls is ambiguous. If the
-line of the path is shifted slightly aside, the direction of the shift decides the order of the walls. Each order of walls is weighted by
-its share of all shift directions, because the stationary phase weights all directions alike.
+The unfolded path to the image with (i, j, k) reflections along x, y, z is a straight line that crosses the image's walls one after another.
+A monostatic path into an edge or corner crosses several walls at one point; each order of them is weighted by its share of the directions
+in which the line can be shifted aside, because the stationary phase weights all directions alike.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -19,10 +18,7 @@ ASIDE = 1e-7
 
 
 def images(size_m: np.ndarray, sensor_m: np.ndarray, bounces: int) -> Iterator[tuple[np.ndarray, np.ndarray, list[tuple[int, float]]]]:
-    """Yield every image source of 1 to `bounces` reflections as (index (3,), image position (3,), walls of its path).
-
-    `walls` is a list of (axis, coordinate of the wall's plane).
-    """
+    """Yield every image of 1 to `bounces` reflections as (index (3,), position (3,), walls [(axis, coordinate)] of its path)."""
     for index in product(range(-bounces, bounces + 1), repeat=3):
         if not 1 <= sum(map(abs, index)) <= bounces:
             continue
@@ -36,13 +32,9 @@ def images(size_m: np.ndarray, sensor_m: np.ndarray, bounces: int) -> Iterator[t
 def image_sum(
     size_m: np.ndarray, sensor_m: np.ndarray, axis: np.ndarray, reflection: Reflection, bounces: int, frequency_hz: np.ndarray
 ) -> np.ndarray:
-    """Return the received amplitude (F,) of the sum of all images between isotropic antennas at one point, with the phase exp(+j k L).
-
-    Args:
-        size_m: (3,) size of the room in metres; the room has a corner at the origin.
-        sensor_m: (3,) position of transmitter and receiver in metres.
-        axis: (3,) unit vector, polarisation of both antennas before projection onto the plane across the ray.
-        reflection: function of the cosine of incidence that returns (te, tm); used for all walls and all frequencies.
+    """Return the received amplitude (F,) of all images between isotropic antennas at one point, with the phase exp(+j k L). The room of
+    `size_m` (3,) has a corner at the origin, `axis` is the polarisation of both antennas before its projection across the ray, and
+    `reflection` returns (te, tm) of all walls from the cosine of incidence.
     """
     total = np.zeros(len(frequency_hz), complex)
     for amplitude, length, _ in image_paths(size_m, sensor_m, axis, reflection, bounces):
@@ -71,9 +63,7 @@ def image_paths(
 
 
 def orders(direction: np.ndarray, walls: list[tuple[int, float]], sensor_m: np.ndarray) -> Iterator[tuple[tuple[int, ...], float]]:
-    """Yield every order (indices of `walls`) in which a path can cross its walls, with its share of the shift directions around the
-    line.
-    """
+    """Yield every order (indices of `walls`) in which a path can cross its walls, with its share of the shift directions."""
     first = np.eye(3)[np.argmin(np.abs(direction))]
     u = np.cross(direction, first)
     u /= np.linalg.norm(u)
@@ -92,9 +82,7 @@ def across(axis: np.ndarray, ray: np.ndarray) -> np.ndarray:
 
 
 def carried(axes: Sequence[int], direction: np.ndarray, axis: np.ndarray, reflections: Sequence[Reflection]) -> complex:
-    """Return the received field of a path that hits walls perpendicular to `axes` one after another. Each wall has its own entry of
-    `reflections`.
-    """
+    """Return the received field of a path that hits walls perpendicular to `axes`, with one entry of `reflections` each."""
     ray = direction.copy()
     field = across(axis, ray).astype(complex)
     for wall, reflection in zip(axes, reflections, strict=True):

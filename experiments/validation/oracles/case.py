@@ -1,7 +1,5 @@
 """A validation case: a claim about physics, the value of an independent reference, RadarTwin's value, and the limit of their difference."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -27,14 +27,7 @@ def conductor_width(radius_m: float, wavelength_m: float) -> float:
 
 
 def layered_width(radii_m: Sequence[float], permittivities: Sequence[complex], wavelength_m: float) -> float:
-    """Return the backscatter echo width in metres of a cylinder of concentric layers in air.
-
-    Args:
-        radii_m: outer radius of each layer in metres, outermost layer first.
-        permittivities: relative permittivity of each layer, outermost first; with one entry fewer than radii_m, the core conducts
-            perfectly.
-        wavelength_m: wavelength in air in metres.
-    """
+    """Return the backscatter echo width in metres of concentric layers, outermost first; without the last permittivity on a conductor."""
     k0 = 2 * np.pi / wavelength_m
     order = _orders(k0 * radii_m[0])
     sign = np.where(order == 0, 1, 2) * (-1.0) ** order
@@ -42,10 +35,7 @@ def layered_width(radii_m: Sequence[float], permittivities: Sequence[complex], w
 
 
 def coefficients(radii_m: Sequence[float], permittivities: Sequence[complex], wavelength_m: float, order: np.ndarray) -> np.ndarray:
-    """Return the coefficients a_n (N,), multiplied by exp(-j k a) for the outer radius a.
-
-    The scattered wave of an incident wave of unit field is the sum of (-j)^n a_n H_n(k r) exp(j n phi).
-    """
+    """Return a_n exp(-j k a) (N,) of the scattered wave sum of (-j)^n a_n H_n(k r) exp(j n phi), for the outer radius a."""
     k0 = 2 * np.pi / wavelength_m
     # E'/E at each radius, computed outwards from the core
     slope = None

@@ -1,8 +1,6 @@
 """Validation cases of walls, bottles and rough surfaces: transfer matrices, exact layered cylinders, Ament's formula, reference tables."""
 
-from __future__ import annotations
-
-from functools import cache, partial
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -35,10 +33,7 @@ OVER_METAL = "over metal (dB)"
 
 
 def _samples(mesh: trimesh.Trimesh, material: str | Layered, distance_m: float, roll: bool = False, bounce: int = 0) -> np.ndarray:
-    """Return samples (samples,) of a target on the radar's axis for vertical antennas, or for horizontal antennas if `roll` is true.
-
-    A positive `bounce` keeps only the paths with this number of bounces.
-    """
+    """Return samples (samples,) of a target for vertical (`roll`: horizontal) antennas, of all paths or those with `bounce` bounces."""
     pose = traced.pose([distance_m, 0.0, 0.0], np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]) if roll else None)
     scene = rt.Scene([rt.Surface(mesh, material, "target", role="object")])
     parts = traced.trace(scene, traced.MONOSTATIC, pose, traced.settings("tubes", rays_per_wavelength2=4.0))
@@ -59,23 +54,16 @@ def _slabs(full: bool) -> Finding:
     """Compare the echo of a 10 cm plate, seen face-on, with transfer matrices at one to five frequencies of the sweep."""
     pairs = []
     for frequency in np.linspace(*SWEEP_HZ, 5) if full else (77e9,):
+        metal = stack.fresnel(stack.permittivity("metal", frequency), 1.0)[0]
         for layers, backing in SLABS.values():
-            exact = 20 * np.log10(abs(stack.stack(layers, backing, 0.0, frequency)[0] / stack.fresnel(_metal(frequency), 1.0)[0]))
+            exact = 20 * np.log10(abs(stack.stack(layers, backing, 0.0, frequency)[0] / metal))
             simulated = _over_metal(objects.plate(0.1, 0.1), Layered(layers, backing), frequency=float(frequency))
             pairs.append((float(exact), simulated))
     return worst(pairs)
 
 
-def _metal(frequency_hz: float) -> complex:
-    return stack.permittivity("metal", frequency_hz)
-
-
 def _oblique(full: bool) -> Finding:
-    """Compare the double bounce in a dihedral with transfer matrices, as a mean over the sweep. Both reflections in the dihedral have an
-    angle of incidence of 45 degrees.
-
-    The reflections are TE if the field is along the fold of the dihedral, and TM if the field is across the fold.
-    """
+    """Compare the double bounce in a dihedral (45 degrees) with transfer matrices over the sweep: TE along the fold, TM across it."""
     pairs = []
     mesh = objects.dihedral(0.1, 0.1)
     frequencies = traced.frequencies(traced.MONOSTATIC)[EDGE:-EDGE:16]
@@ -89,9 +77,7 @@ def _oblique(full: bool) -> Finding:
 
 
 def _slab_table(full: bool) -> Finding:
-    """Compare the reflection of dielectric slabs with the reference table at 77 GHz. Brick, plywood and marble are left out. For these
-    materials, the reference table uses permittivity formulas outside their frequency range.
-    """
+    """Compare slabs with the reference table, without materials whose permittivity it takes from outside the range of the formulas."""
     pairs = []
     for row in reference_rows("slab_reflection_77GHz.csv"):
         if row["material"] in ("brick", "plywood", "marble"):
@@ -126,24 +112,13 @@ def exact_bottle(wall: str, contents: str, points: int) -> float:
 
 
 def our_bottle(wall: str, contents: str) -> float:
-    """Return the ray tracer's value for the same quantity as `exact_bottle`.
-
-    The traced object is a closed can at 5 m whose side has the layers of the bottle's wall and contents.
-    """
+    """Return the tracer's value for `exact_bottle`, of a closed can at 5 m whose side has the layers of wall and contents."""
     material, thickness = WALLS_M[wall]
     return _mean_over_metal(objects.cylinder(RADIUS_M, HEIGHT_M), Layered([(material, thickness)], contents), 5.0)
 
 
-def _bottles(contents: str, full: bool) -> Finding:
-    walls = list(WALLS_M) if full else ["pet 1", "hdpe 1"]
-    return worst([(exact_bottle(wall, contents, 65), our_bottle(wall, contents)) for wall in walls])
-
-
 def _bottle_series_table(full: bool) -> Finding:
-    """Compare the echo power of water-filled bottles, relative to the metal can, with the reference table.
-
-    The exact series of this module differs from the reference table by 0.01 dB.
-    """
+    """Compare water-filled bottles, relative to the metal can, with the table, from which our exact series differs by 0.01 dB."""
     rows = {row["case"]: float(row["total_rel_PEC"]) for row in reference_rows("layered_cylinder_exact.csv")}
     names = {"pet 0.3": "PET0.3 water", "pet 1": "PET1.0 water", "glass 3": "glass3 water"}
     return worst([(rows[names[wall]], our_bottle(wall, "water")) for wall in (names if full else ("pet 1",))])
@@ -188,7 +163,9 @@ CASES = [
     Case("bottle-wall-table", "dielectrics", "bottle walls before air and water", "reference/bottle_wall_reflection_77GHz.csv", OVER_METAL,
          0.15, "dB", _bottle_table),
     *(Case(f"bottles-{contents}", "dielectrics", f"bottles of PET, HDPE and glass, {words}", SERIES, OVER_METAL, limit, "dB",
-           partial(_bottles, contents))
+           lambda full, contents=contents: worst([
+               (exact_bottle(wall, contents, 65), our_bottle(wall, contents)) for wall in (WALLS_M if full else ("pet 1", "hdpe 1"))
+           ]))
       for contents, words, limit in (("water", "water", 0.15), ("oil", "oil", 0.15), ("air", "empty", EMPTY_LIMIT_DB))),
     Case("bottle-series-table", "dielectrics", "bottles of PET and glass, water", "reference/layered_cylinder_exact.csv", OVER_METAL,
          0.15, "dB", _bottle_series_table),

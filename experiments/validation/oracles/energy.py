@@ -1,7 +1,5 @@
 """Validation cases of reciprocity, conservation of energy, and the power of diffuse scatter."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np
@@ -25,10 +23,7 @@ from radartwin.simulation.hits import Antennas, TraceOptions
 def bistatic(
     mesh: trimesh.Trimesh, sources: np.ndarray, receivers: np.ndarray, *, cross: bool = False, density: float = 16.0, bounces: int = 1
 ) -> np.ndarray:
-    """Return the received amplitudes (F,) of a metal target between isotropic antennas, from sources (F, 3) to receivers (F, 3).
-
-    The sources transmit vertical polarisation (V). The receivers receive V, or horizontal polarisation (H) if `cross` is true.
-    """
+    """Return the received amplitudes (F,) of a metal target, from sources (F, 3), polarised V, to receivers (F, 3), V or (`cross`) H."""
     variant.activate()
     built = geometry.build([mesh])
     table = reflection_table.build([("metal", 0.0)], FREQUENCY_HZ)
@@ -81,11 +76,7 @@ def _swapped_images(full: bool) -> Finding:
 
 
 def solid_angle(triangles: np.ndarray, point: np.ndarray) -> float:
-    """Return the solid angle in steradians of triangles (N, 3, 3), seen from `point`. As seen from `point`, the triangles must not hide
-    one another.
-
-    Ref: A. van Oosterom, J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125.
-    """
+    """Return the solid angle of triangles (N, 3, 3) that do not hide one another. Ref: van Oosterom, Strackee, IEEE T-BME 30 (1983) 125."""
     a, b, c = (triangles - point).transpose(1, 0, 2)
     la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
     triple = np.einsum("ni,ni->n", a, np.cross(b, c))
@@ -94,10 +85,7 @@ def solid_angle(triangles: np.ndarray, point: np.ndarray) -> float:
 
 
 def _scattered(corner: bool, full: bool) -> Finding:
-    """Compare the scattered power through a sphere of receivers, in both polarisations, with the power that hits the target.
-
-    The reference value is a ratio of scattered to incident power of 0 dB. Only a ratio above 0 dB counts as an error.
-    """
+    """Compare the power scattered through a sphere, in both polarisations, with the power that hits the target; only more is an error."""
     source = np.array([1.0, 0.04, 0.03])
     count = 12_000 if full else 2500
     place = np.arange(count) + 0.5
@@ -119,10 +107,7 @@ def _scattered(corner: bool, full: bool) -> Finding:
 
 
 def _diffuse(full: bool) -> Finding:
-    """Compare the mean diffuse power of a rough concrete wall with the quadrature of Kirchhoff's scattering integral.
-
-    The integral holds for a conductor. The case multiplies it by the share of the power that smooth concrete reflects at normal incidence.
-    """
+    """Compare the mean diffuse power of a rough wall with Kirchhoff's integral times the share that smooth concrete reflects."""
     variant.activate()
     radar = traced.MONOSTATIC
     wavelength = SPEED_OF_LIGHT / radar.center_frequency_hz
@@ -161,9 +146,7 @@ def rough_wall_power(corners: np.ndarray, sensor: np.ndarray, roughness_m: float
 
 
 def kirchhoff_cross_section(roughness_m: float, correlation_m: float, wavelength_m: float, angle: float) -> float:
-    """Return the monostatic cross-section of a rough conductor per area at an angle of incidence in radians, by Kirchhoff's integral over
-    the correlation function exp(-r^2/l^2).
-    """
+    """Return the cross-section per area of a rough conductor by Kirchhoff's integral over the correlation exp(-r^2/l^2)."""
     k = 2 * np.pi / wavelength_m
     radius = np.linspace(0, 7 * correlation_m, 4000)
     g = (2 * k * roughness_m * np.cos(angle)) ** 2

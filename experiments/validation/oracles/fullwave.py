@@ -1,13 +1,9 @@
 """Full-wave fields of furnished metal rooms in two dimensions, and the score of a three-dimensional simulation against these fields.
 
-A folder holds scenes.json and the fields of its scenes: vertical strips of metal, a line source, a line receiver, and the field from the
-method of moments at 64 frequencies of the chirp. The nine scenes of GIVEN come with the project's reference data; the seeded rooms of
-furnished.ROOMS were solved by moments_2d.py. The strips are extruded to surfaces from z = -1.6 m to z = +1.6 m.
-
-A path of length L between points has sqrt(-j lambda/L) times the amplitude that it has between lines. A linear map of the samples applies
-this factor. The map is the least-squares solution over paths at ranges of 0.2 m to 2.6 m, and the error of the map for these paths is below
-0.01 dB. If the range profile were multiplied by sqrt(lambda/(2 range)) instead, the profile error would be 0.4 dB and the complex error
-0.027, because this factor is not constant within the width of an echo.
+A folder holds scenes.json and the fields of its scenes: vertical strips of metal (extruded from z = -1.6 m to +1.6 m), a line source, a
+line receiver, and the field at 64 frequencies of the chirp. A path of length L between points has sqrt(-j lambda/L) times the amplitude
+between lines. A linear map of the samples, the least-squares solution over paths at 0.2 m to 2.6 m, applies this factor with an error below
+0.01 dB; a factor of the range profile would be wrong by 0.4 dB.
 """
 
 import json
@@ -90,12 +86,6 @@ def compare(folder: Path, name: str, samples: np.ndarray) -> Compared:
     kept = (ranges > NEAR_M) & (ranges < FAR_M)
     profiles = (np.fft.fft(signal * window, BINS)[kept] for signal in (to_points(frequency, truth), samples[::EVERY]))
     return Compared(ranges[kept], *profiles)
-
-
-def score(folder: Path, name: str, samples: np.ndarray) -> tuple[float, float]:
-    """Return the profile error in dB and the complex error of the samples (N,) of the first channel and chirp."""
-    compared = compare(folder, name, samples)
-    return compared.profile_db, compared.error
 
 
 def to_points(frequency_hz: np.ndarray, samples: np.ndarray) -> np.ndarray:

@@ -1,9 +1,8 @@
 """Furnished metal rooms in two dimensions, drawn from seeds, and their full-wave fields.
 
-Every room has walls (one wall, a corner, a corridor, an alcove, or none) and furniture (cabinets, posts, screens, shelves). The radar is at
-the origin and looks along x. The scenes and the fields are stored in fullwave_2d/rooms, in the format of shared/reference/fullwave_2d. The
-command `python -m experiments.validation.oracles.furnished` solves the rooms again and writes the files. It solves each room at 64
-frequencies with 5 nodes per wavelength (experiments/validation/oracles/moments_2d.py), which takes half a minute to a minute on one core.
+Every room has walls (one, a corner, a corridor, an alcove, or none) and furniture (cabinets, posts, screens, shelves); the radar at the
+origin looks along x. `python -m experiments.validation.oracles.furnished` solves the rooms of fullwave_2d/rooms again (64 frequencies, 5
+nodes per wavelength, half a minute to a minute on one core each) and writes the files in the format of shared/reference/fullwave_2d.
 """
 
 import argparse
@@ -138,21 +137,17 @@ def _shape(strips: Strips) -> Any:
 
 
 def _allowed(surfaces: dict[str, Strips]) -> bool:
-    """Return whether all distances and all angles between facing faces are large enough."""
+    """Return whether all distances, but for walls that meet at an end, and all angles between facing faces are large enough."""
     shapes = [_shape(strips) for strips in surfaces.values()]
     radar = shapely.Point(0, 0)
     if any(shape.distance(radar) < NEAREST_M or shape.hausdorff_distance(radar) > FARTHEST_M for shape in shapes):
         return False
-    if any(a.distance(b) < CLEARANCE_M and not _joined(a, b) for i, a in enumerate(shapes) for b in shapes[:i]):
+    near = [(a, b) for i, a in enumerate(shapes) for b in shapes[:i] if a.distance(b) < CLEARANCE_M]
+    if not all(a.area == 0 and b.area == 0 and a.touches(b) for a, b in near):
         return False
     parts = [(number, ends) for number, strips in enumerate(surfaces.values()) for ends in strips]
     closed = [shape.area > 0 for shape in shapes]
     return not any(_ringing(a, b) for k, (i, a) in enumerate(parts) for j, b in parts[:k] if not (i == j and closed[i]))
-
-
-def _joined(a: Any, b: Any) -> bool:
-    """Return whether two surfaces meet at a common end, as the two walls of a corner do."""
-    return a.area == 0 and b.area == 0 and a.touches(b)
 
 
 def _ringing(a: np.ndarray, b: np.ndarray) -> bool:
@@ -181,15 +176,7 @@ def frequencies() -> np.ndarray:
 def write(
     folder: Path, scenes: Mapping[str, Mapping[str, Strips]], selected: list[str], notes: Mapping[str, object], ends_m: np.ndarray
 ) -> None:
-    """Write scenes.json of all scenes, and solve the chosen scenes and write their fields.
-
-    Args:
-        folder: folder of the files.
-        scenes: strips of each surface of each scene.
-        chosen: names of the scenes to solve.
-        notes: further entries of scenes.json.
-        ends_m: (2, 2) positions of the transmitter and of the receiver.
-    """
+    """Write scenes.json with `notes`, and the solved fields of the selected scenes for transmitter and receiver at `ends_m` (2, 2)."""
     at = frequencies()
     folder.mkdir(parents=True, exist_ok=True)
     head = {"transmitter_m": ends_m[0].tolist(), "receiver_m": ends_m[1].tolist(), **notes}

@@ -1,8 +1,8 @@
 """Furnished metal rooms in which the radar or an object moves, and their full-wave fields, for the chart of speed against accuracy.
 
-The radar is a single point, which transmits and receives. It drives along x through three seeded rooms, or it stands still before an alcove
-in which a box turns. Every frame is one scene in the sensor frame. The scenes and the fields are stored in fullwave_2d/motions. The command
-`python -m experiments.validation.oracles.furnished_motions` solves the scenes again and writes the files.
+The radar is a single point, which drives along x through three seeded rooms, or stands before an alcove in which a box turns. Every frame
+is one scene in the sensor frame. `python -m experiments.validation.oracles.furnished_motions` solves the scenes of fullwave_2d/motions
+again and writes the files.
 """
 
 import numpy as np

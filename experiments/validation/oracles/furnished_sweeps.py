@@ -35,9 +35,7 @@ def _tilt(angle_deg: float) -> dict[str, Strips]:
 
 
 def _edge(distance_mm: float) -> dict[str, Strips]:
-    """Return a panel of 30 cm at 0.6 m. Its edge is `distance_mm` from the mirror point; a negative distance puts the mirror point beside
-    the panel.
-    """
+    """Return a panel of 30 cm at 0.6 m whose edge is `distance_mm` from the mirror point, which a negative distance puts beside it."""
     edge = distance_mm / 1e3
     return {"panel": chain((0.6, edge - 0.3), (0.6, edge))}
 

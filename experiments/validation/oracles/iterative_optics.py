@@ -27,21 +27,18 @@ DIHEDRAL = np.array([[0, 0, 1], [np.sqrt(0.5), np.sqrt(0.5), 0], [np.sqrt(0.5), 
 TRIHEDRAL = np.sqrt(np.array([[1, 0, 2], [1, 1.5, 0.5], [1, 1.5, 0.5]]) / 3) * [[1, 1, 1], [1, 1, -1], [1, -1, -1]]
 
 
-def corner_echoes(shape: str, size_m: float, places: np.ndarray, wavelength: float, orders: int | None = None) -> np.ndarray:
-    """Return the amplitudes (P,) of a corner reflector at radars, with the phase exp(+j k L), as `nearfield.panel_quadrature` does.
+def corner_echoes(shape: str, size_m: float, places: np.ndarray, wavelength: float) -> np.ndarray:
+    """Return the amplitudes (P,) of a "dihedral", "trihedral" or "plate" (one face) with edges of `size_m` at radars at `places` (P, 3),
+    from which all inner faces are seen, with the phase exp(+j k L), as `nearfield.panel_quadrature` does.
 
     The error of the sums falls with the square of the number of cells. Two numbers of cells, 2 to 3, give the limit of small cells.
-
-    Args:
-        shape: "dihedral", "trihedral", or "plate", which is one face, of `radartwin.scene.objects`. size_m: its edges.
-        places: (P, 3) metres, from which all inner faces are seen.
     """
     counts = int(np.ceil(size_m / wavelength * CELLS_PER_WAVELENGTH / 3)) * np.array([2, 3])
     if shape == "plate":
         y, z = 0.5 * size_m * np.array([[-1, 1, 1, -1], [-1, -1, 1, 1]])
         plate = np.stack([0 * y, y, z], axis=1)
         return np.array([panel_quadrature(plate, place, wavelength) for place in np.atleast_2d(places)])
-    coarse, fine = (_echoes(shape, size_m, np.atleast_2d(places), wavelength, n, orders or ORDERS[shape]) for n in counts)
+    coarse, fine = (_echoes(shape, size_m, np.atleast_2d(places), wavelength, n, ORDERS[shape]) for n in counts)
     return (9 * fine - 4 * coarse) / 5
 
 

@@ -2,8 +2,6 @@
 samples.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 import radartwin as rt
@@ -55,10 +53,7 @@ def _doppler(full: bool) -> Finding:
 
 
 def _azimuth(full: bool) -> Finding:
-    """Compare the azimuth of the maximum of a Bartlett beamformer over eight channels with the true azimuth.
-
-    Before the beamforming, the exact phase that the motion causes between the channels is removed.
-    """
+    """Compare the maximum of a Bartlett beamformer with the true azimuth, after the exact phase of the motion is removed."""
     findings = []
     virtual = RADAR.virtual_positions
     for azimuth in (-60, -35, -10, 0, 20, 45, 60) if full else (-35, 20):
@@ -92,10 +87,7 @@ def _phase(full: bool) -> Finding:
 
 
 def _friis(full: bool) -> Finding:
-    """Compare the level of the sphere with lambda sqrt(sigma)/((4 pi)^1.5 R (R - r)).
-
-    R is the distance of the sphere's centre and r its radius, so the specular point is on the near side, at R - r.
-    """
+    """Compare the level of the sphere with lambda sqrt(sigma)/((4 pi)^1.5 R (R - r)), because its specular point is at R - r."""
     from experiments.validation.oracles.targets import mie_rcs
 
     pairs = []

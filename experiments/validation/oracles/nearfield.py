@@ -11,13 +11,12 @@ out. Ref: C. Balanis, Advanced Engineering Electromagnetics (2012), section 7.10
 
 from collections.abc import Sequence
 from itertools import permutations
-from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
 ORDER = 12  # Gauss-Legendre points per cell
+MOST_POINTS = 10_000  # points of a panel that are computed together
 CYCLES_PER_CELL = 2.0  # largest phase per cell: 6 points per cycle, relative error of a cell below 1e-8
 TOUCHING_M = 1e-12  # a sensor within this distance of a panel's plane counts as lying in the plane
 SAME_M = 1e-9  # corners within this distance are merged
@@ -37,19 +36,12 @@ def panel_quadrature(corners: ArrayLike, sensor: ArrayLike, wavelength: float, *
 
 
 def chain_quadrature(panels: Sequence[ArrayLike], sensor: ArrayLike, wavelength: float, *, receiver: ArrayLike | None = None) -> complex:
-    """Return the received amplitude of the path that hits `panels` in the given order. No panel casts a shadow on the path.
+    """Return the received amplitude of the path that hits `panels` in the given order, with the phase exp(+j k L). No panel casts a shadow.
 
-    All panels except the last reflect like mirrors and must be convex. Rays from the sensor's image in a mirror panel that pass through
-    this panel illuminate the next panel. The last panel is treated by physical optics and may be concave.
-
-    Args:
-        panels: corners of each panel, (n, 3) metres, in order around a simple polygon in one plane.
-        sensor: (3,) position of the transmitter's phase centre in metres, and of the receiver if `receiver` is None.
-        receiver: (3,) position of the receiver in metres; None if transmitter and receiver share a position.
-    Returns:
-        Complex amplitude with the phase exp(+j k L) of the path; zero if transmitter and receiver are on different sides of a panel.
-    Raises:
-        ValueError: the corners are not in one plane, or a sensor lies in the plane of a panel.
+    A panel is its corners (n, 3) in metres, in order around a simple polygon in one plane. All panels except the last reflect like mirrors
+    and must be convex: rays from the sensor's image in a mirror that pass through it illuminate the next panel. The last panel is treated
+    by physical optics and may be concave. Without `receiver` (3,), the sensor (3,) transmits and receives. The amplitude is zero if both
+    are on different sides of a panel. Raises ValueError for corners not in one plane, or a sensor in the plane of a panel.
     """
     source = np.array(sensor, float)
     target = source.copy() if receiver is None else np.array(receiver, float)
@@ -71,7 +63,8 @@ def chain_quadrature(panels: Sequence[ArrayLike], sensor: ArrayLike, wavelength:
             if _area(shapes[number + 1]) < EMPTY_M2:
                 return 0j
         else:
-            pieces = _clip_all(pieces, cone)
+            cut = (_clip(triangle, cone) for triangle in pieces)
+            pieces = [np.array([polygon[0], polygon[i], polygon[i + 1]]) for polygon in cut for i in range(1, len(polygon) - 1)]
         reflect = np.eye(3) - 2 * np.outer(normal, normal)
         mirror, field_map = reflect @ mirror, -reflect @ field_map
     normal, offset = _plane(last)
@@ -80,24 +73,28 @@ def chain_quadrature(panels: Sequence[ArrayLike], sensor: ArrayLike, wavelength:
         raise ValueError("the sensor, or its image, lies in the plane of a panel")
     if side * other < 0:
         return 0j
-    wavenumber = 2 * np.pi / wavelength
-    total = 0j
+    lit, total = np.sign(side) * normal, 0j
     for triangle in pieces:
-        rule = _rule(triangle, source, target, wavelength)
-        if rule is not None:
-            u, weight_u, v, weight_v = rule
-            path = _Path(source, target, np.sign(side) * normal, AXIS, mirror.T.copy(), field_map, wavenumber)
-            total += _integrate(triangle, u, weight_u, v, weight_v, path)
+        if _area(triangle) < EMPTY_M2:
+            continue
+        u, weight_u, v, weight_v = _rule(triangle, source, target, wavelength)
+        for rows in np.array_split(np.arange(len(u)), -(-len(u) * len(v) // MOST_POINTS)):
+            points = triangle[0] + u[rows, None, None] * (triangle[1] - triangle[0] + v[:, None] * (triangle[2] - triangle[1]))
+            rays = np.stack([points - source, target - points])
+            lengths = np.sqrt(_dot(rays, rays))
+            inward, outward = rays / lengths[..., None]
+            field, reception = _across(inward @ mirror) @ field_map.T, _across(outward)
+            # P . (n x (k x E)) = (P . k)(n . E) - (P . E)(n . k)
+            value = _dot(reception, inward) * (field @ lit) - _dot(reception, field) * (inward @ lit)
+            value = value / lengths.prod(axis=0) * np.exp(2j * np.pi / wavelength * lengths.sum(axis=0))
+            total += 2 * _area(triangle) * ((weight_u * u)[rows] @ value @ weight_v)
     if not np.isfinite(total):
         raise ValueError("a ray runs along AXIS, where its polarisation has no direction; move the sensor or the receiver")
     return complex(1j / (4 * np.pi) * total)
 
 
 def corner_quadrature(panels: Sequence[ArrayLike], sensor: ArrayLike, wavelength: float) -> complex:
-    """Return the received amplitude of all paths between the panels of a dihedral or trihedral seen from inside, without shadows.
-
-    A path hits each panel at most once.
-    """
+    """Return the amplitude of all paths that hit each panel of a dihedral or trihedral at most once, without shadows."""
     orders = (order for count in range(1, len(panels) + 1) for order in permutations(panels, count))
     return sum((chain_quadrature(order, sensor, wavelength) for order in orders), 0j)
 
@@ -148,11 +145,6 @@ def _clip(polygon: np.ndarray, planes: Sequence[tuple[np.ndarray, float]]) -> np
     return polygon
 
 
-def _clip_all(triangles: Sequence[np.ndarray], planes: Sequence[tuple[np.ndarray, float]]) -> list[np.ndarray]:
-    cut = (_clip(triangle, planes) for triangle in triangles)
-    return [np.array([polygon[0], polygon[i], polygon[i + 1]]) for polygon in cut for i in range(1, len(polygon) - 1)]
-
-
 def _triangles(corners: np.ndarray) -> list[np.ndarray]:
     """Split a polygon into triangles: a fan if the polygon is convex, ear clipping if it is concave."""
     normal, _ = _plane(corners)
@@ -177,14 +169,8 @@ def _area(corners: np.ndarray) -> float:
     return float(np.linalg.norm(np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0))) / 2 if len(corners) > 2 else 0.0
 
 
-def _rule(triangle: np.ndarray, source: np.ndarray, target: np.ndarray, wavelength: float) -> tuple[np.ndarray, ...] | None:
-    """Return quadrature nodes and weights along both parameters of a triangle. The quadrature cells are small enough for the phase of the
-    path source-point-target.
-
-    The parameters map the unit square to the triangle by p = a + u (b - a) + u v (c - b), with the area element u |(b - a) x (c - b)|.
-    """
-    if _area(triangle) < EMPTY_M2:
-        return None
+def _rule(triangle: np.ndarray, source: np.ndarray, target: np.ndarray, wavelength: float) -> list[np.ndarray]:
+    """Return nodes and weights along u and v of p = a + u (b - a) + u v (c - b), in cells small enough for the phase of the path."""
     nodes, weights = np.polynomial.legendre.leggauss(ORDER)
     steps = np.linspace(0, 1, 65)[:, None]
     rules: list[np.ndarray] = []
@@ -196,67 +182,15 @@ def _rule(triangle: np.ndarray, source: np.ndarray, target: np.ndarray, waveleng
             cycles = max(cycles, 64 * np.abs(np.diff(path)).max() / wavelength)
         cells = int(np.ceil(cycles / CYCLES_PER_CELL))
         rules += [((np.arange(cells)[:, None] + (nodes + 1) / 2) / cells).ravel(), np.tile(weights / 2 / cells, cells)]
-    return tuple(rules)
+    return rules
 
 
-class _Path(NamedTuple):
-    """The geometry of a path that ends with the last panel: both end points, lit side, polarisation axis, mirrors and wavenumber.
-
-    `mirror` maps the direction in which the ray arrives at the panel to the direction in which the ray departs from the source.
-    `field_map` maps the field at departure to the field that arrives at the panel.
-    """
-
-    source: np.ndarray
-    target: np.ndarray
-    lit: np.ndarray
-    axis: np.ndarray
-    mirror: np.ndarray
-    field_map: np.ndarray
-    wavenumber: float
+def _across(ray: np.ndarray) -> np.ndarray:
+    """Return the unit vectors of the polarisation AXIS across rays (..., 3); NaN for a ray along AXIS."""
+    vector = AXIS - (ray @ AXIS)[..., None] * ray
+    with np.errstate(invalid="ignore"):
+        return vector / np.sqrt(_dot(vector, vector))[..., None]
 
 
-@numba.njit
-def _integrate(triangle, u, weight_u, v, weight_v, path):
-    """Return the physical-optics integral over one triangle; NaN if a ray is parallel to the polarisation axis."""
-    source, target, lit, axis, mirror, field_map, wavenumber = path
-    a, ab, bc = triangle[0], triangle[1] - triangle[0], triangle[2] - triangle[1]
-    area = np.sqrt((np.cross(ab, bc) ** 2).sum())
-    total = 0j
-    inward, outward, start, field = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    for i in range(len(u)):
-        row = 0j
-        for j in range(len(v)):
-            length_in, length_out = 0.0, 0.0
-            for c in range(3):
-                point = a[c] + u[i] * (ab[c] + v[j] * bc[c])
-                inward[c], outward[c] = point - source[c], target[c] - point
-                length_in += inward[c] ** 2
-                length_out += outward[c] ** 2
-            length_in, length_out = np.sqrt(length_in), np.sqrt(length_out)
-            for c in range(3):
-                inward[c] /= length_in
-                outward[c] /= length_out
-            along, back = 0.0, 0.0
-            for c in range(3):
-                start[c] = mirror[c, 0] * inward[0] + mirror[c, 1] * inward[1] + mirror[c, 2] * inward[2]
-                along += axis[c] * start[c]
-                back += axis[c] * outward[c]
-            size, size_back = 0.0, 0.0
-            for c in range(3):
-                start[c] = axis[c] - along * start[c]
-                size += start[c] ** 2
-                size_back += (axis[c] - back * outward[c]) ** 2
-            normal_field, normal_in, co, cross = 0.0, 0.0, 0.0, 0.0
-            for c in range(3):
-                field[c] = field_map[c, 0] * start[0] + field_map[c, 1] * start[1] + field_map[c, 2] * start[2]
-                reception = axis[c] - back * outward[c]
-                normal_field += lit[c] * field[c]
-                normal_in += lit[c] * inward[c]
-                co += reception * field[c]
-                cross += reception * inward[c]
-            # P . (n x (k x E)) = (P . k)(n . E) - (P . E)(n . k)
-            value = (cross * normal_field - co * normal_in) / np.sqrt(size * size_back) / (length_in * length_out)
-            phase = wavenumber * (length_in + length_out)
-            row += weight_v[j] * value * complex(np.cos(phase), np.sin(phase))
-        total += weight_u[i] * u[i] * row
-    return area * total
+def _dot(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    return np.einsum("...c,...c", first, second)

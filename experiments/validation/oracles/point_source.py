@@ -1,15 +1,10 @@
 """Echoes of metal objects to a small antenna at a finite distance, with phase: a sphere (exact), and a cylinder seen broadside.
 
-Each echo is the received over the transmitted amplitude between isotropic antennas at one point, with the phase exp(+j k L). Symbols:
-a -> radius, r -> distance of the antenna from the centre, k -> wavenumber, R_n -> reflection of the multipole of order n.
-
-Sphere: a dipole across the radius receives (j/4) sum (2n+1) [R_n^TE h_n(kr)^2 + R_n^TM (zeta_n'(kr)/(kr))^2]. Ref: R. Ruppin, J. Chem.
-Phys. 76 (1982) 1681. The decay rates that Ruppin gives are the real part of this sum.
-
-The echo of the cylinder is a product of three terms. The first term of the cylinder's echo is the field of a point source that the
-cylinder mirrors. The second term is the exact series of the infinitely long cylinder divided by the value of geometric optics. The third
-term is the Fresnel integral over the cylinder's length. The relative error of the cylinder's echo is of the order of the square of half
-the length over the distance. Ref: C. Balanis (2012), section 11.5.
+Each echo is received over transmitted amplitude between isotropic antennas, with the phase exp(+j k L). Symbols: a -> radius, r -> distance
+of the antenna from the centre, R_n -> reflection of the multipole of order n. Sphere: (j/4) sum (2n+1) [R_n^TE h_n(kr)^2 + R_n^TM
+(zeta_n'(kr)/(kr))^2]. Ref: R. Ruppin, J. Chem. Phys. 76 (1982) 1681. Cylinder: the field of a mirrored point source, times the series of
+the infinite cylinder over geometric optics, times the Fresnel integral over the length; its relative error is of the order of the square of
+half the length over the distance. Ref: C. Balanis (2012), section 11.5.
 """
 
 import numpy as np
@@ -47,10 +42,7 @@ def _radial(order: np.ndarray, z: float) -> tuple[np.ndarray, np.ndarray, np.nda
 
 
 def cylinder_echo(radius_m: float, length_m: float, distance_m: float, frequency_hz: np.ndarray | float) -> np.ndarray:
-    """Return the complex echo amplitude (F,) of an upright conducting cylinder at the radar's height, for vertically polarised antennas.
-
-    The cylinder's axis is `distance_m` away.
-    """
+    """Return the echo (F,) of an upright conducting cylinder at the radar's height, `distance_m` from its axis, vertically polarised."""
     near = distance_m - radius_m
     mirrored = 1 / (1 / near + 2 / radius_m)  # radius of curvature of the reflected wave around the cylinder
     level = np.sqrt(mirrored / (mirrored + near) / 2) / near

@@ -1,7 +1,5 @@
 """Validation cases of empty rectangular rooms with up to four bounces, compared with all 128 image sources."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -40,10 +38,7 @@ class Compared:
         return float(np.linalg.norm(self.simulated - self.exact) / np.linalg.norm(self.exact))
 
     def profiles(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return (range in metres, exact range profile, tracer's range profile) up to the range of the longest path.
-
-        Both range profiles are in dB and use a Hann window.
-        """
+        """Return (range in metres, exact range profile, tracer's range profile), in dB with a Hann window."""
         taper = np.hanning(len(self.exact))
         spectra = [20 * np.log10(np.abs(np.fft.fft(s * taper, 4 * len(s))) / taper.sum()) for s in (self.exact, self.simulated)]
         axis = RADAR.unambiguous_range_m * np.arange(4 * len(self.exact)) / (4 * len(self.exact))
@@ -83,10 +78,7 @@ def room_scene(size_m: tuple[float, float, float], material: str) -> rt.Scene:
 
 @cache
 def compared(room: str, walls: str, method: str, rays: int) -> Compared:
-    """Return the samples of a room by image sources and by the ray tracer.
-
-    Walls of constant reflection are simulated as metal walls, and each path is multiplied by CONSTANT for each bounce.
-    """
+    """Return the samples of a room by image sources and by the tracer; constant walls are metal times CONSTANT for each bounce."""
     _, size, sensor = ROOMS[room]
     pose = traced.pose(sensor, rotation())
     exact = image_sum(np.array(size), np.array(sensor), pose[:3, 2], wall_reflection(walls), BOUNCES, traced.frequencies(RADAR))

@@ -1,7 +1,5 @@
 """Compare the synthesis of radar samples from propagation paths with the direct sum over paths that defines the signal."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -27,10 +25,7 @@ def scattered_paths(count: int, fastest_mps: float, seed: int) -> Paths:
 
 
 def direct(paths: Paths) -> np.ndarray:
-    """Return samples (loops, tx, rx, samples), summed path by path.
-
-    The sum over paths uses the exact distance to every antenna element and includes the motion within a chirp.
-    """
+    """Return samples (loops, tx, rx, samples), summed path by path, with exact distances to every element and motion within a chirp."""
     fast = np.arange(RADAR.num_samples) / RADAR.sample_rate_hz
     frequency = RADAR.start_frequency_hz + RADAR.slope_hz_per_s * fast
     start = (RADAR.num_tx * np.arange(RADAR.num_chirps)[:, None] + np.arange(RADAR.num_tx)) * RADAR.chirp_interval

@@ -1,14 +1,12 @@
 """Error of physical optics on the sections of plates and corners, in two dimensions, against the method of moments.
 
-The answers of the benchmark for plates and trihedrals are near-field physical optics (nearfield.py), which lacks edge currents. No exact
-field of a trihedral of 10 or 15 cm at 77 GHz is available. This module therefore compares both methods in two dimensions: on a flat strip,
-and on a right-angled corner of two strips. Sizes, distances and angles are those of the benchmark, and the electric field is along the
-strips.
+The benchmark's answers for plates and trihedrals are near-field physical optics, which lacks edge currents, and no exact field of these
+targets is available. Sizes, distances and angles are those of the benchmark; the electric field is along the strips.
 
     E_s(r) = -integral of G(r, r') dE/dn(r') ds',  dE/dn = 2 dE_i/dn on the lit side
 
-Symbols: G = (j/4) H0(1)(k |r - r'|), n -> normal on the lit side, E_i -> field of the line source, or minus the field of its image in the
-strip that a path hits first. The command `python -m experiments.validation.oracles.sections_2d` prints the errors.
+Symbols: G = (j/4) H0(1)(k |r - r'|), n -> normal, E_i -> field of the source, or minus that of its image in the strip that a path hits
+first. `python -m experiments.validation.oracles.sections_2d` prints the errors.
 """
 
 from collections.abc import Sequence
@@ -27,9 +25,7 @@ FRAMES = 11  # number of frames of each shape
 
 
 def optics(strips: np.ndarray, frequency_hz: float) -> complex:
-    """Return the field that strips (S, 2, 2) scatter back to a line source at the origin, over all paths that hit each strip at most once.
-    No strip casts a shadow.
-    """
+    """Return the field that strips (S, 2, 2) scatter back to the origin, over all paths that hit each strip at most once."""
     orders = [order for count in (1, 2) for order in permutations(range(len(strips)), count)]
     return sum((_path([strips[i] for i in order], 2 * np.pi * frequency_hz / SPEED_OF_LIGHT) for order in orders), 0j)
 

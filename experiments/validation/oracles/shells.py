@@ -1,20 +1,15 @@
 """Image sources of a furnished rectangular room: every wall has its own materials, and the furniture is an obstacle.
 
-The six planes that bound a room's surfaces form a box, whose images `box.images` lists. The straight path from the sensor to each image
-source is folded back into the room. Where the path crosses a plane, the triangle at this point gives the surface that reflects. If there
-is no triangle at this point, the path leaves the room through an opening and is dropped. Each straight segment of a path is tested against
-every obstacle, that is, every triangle outside the six planes. Reflection coefficients come from `stack`, and the roughness loss from W.
-Ament, Proc. IRE 41 (1953) 142. A path into a corner hits several planes at the same point; the possible orders of these planes are
-weighted by `box.orders`.
-
-The amplitude of an image is correct only if the first Fresnel zone of the path hits the same walls and no obstacle. To test the first
-Fresnel zone, the module follows lines around the path at the edge of the zone.
+The straight path to each image of the six planes (`box.images`) is folded back into the room. Where it crosses a plane, the triangle there
+reflects; without one, the path leaves through an opening. Segments are tested against every other triangle. Reflection comes from `stack`,
+the roughness loss from W. Ament, Proc. IRE 41 (1953) 142, and orders of planes in a corner are weighted by `box.orders`. The amplitude is
+correct only if lines around the path, at the edge of the first Fresnel zone, hit the same walls and no obstacle.
 """
 
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -62,10 +57,7 @@ class Room:
         self._loose = corners[loose]
 
     def images(self, sensor_m: np.ndarray, axis: np.ndarray, bounces: int) -> Iterator[Image]:
-        """Yield every image path of up to `bounces` reflections, for a sensor at `sensor_m` (3,) with antennas along `axis` (3,).
-
-        `sensor_m` and `axis` are in the world frame.
-        """
+        """Yield every image path of up to `bounces` reflections for antennas along `axis` (3,) at `sensor_m` (3,), world frame."""
         sensor = sensor_m - self.low
         for index, place, walls in box.images(self.size_m, sensor, bounces):
             line = place - sensor
@@ -74,7 +66,7 @@ class Room:
             surfaces, points = self._met_along(sensor, line, walls, np.zeros(3))
             if surfaces is None or _hidden(points, self._loose):
                 continue
-            reflections = [self._reflection(surface) for surface in surfaces]
+            reflections = [partial(_reflected, *self._materials[surface], self._frequency_hz) for surface in surfaces]
             amplitude = sum(
                 (
                     share * box.carried([walls[w][0] for w in wall_order], direction, axis, [reflections[w] for w in wall_order])
@@ -90,10 +82,7 @@ class Room:
             yield Image(length, direction, arrival, order, amplitude * SPEED_OF_LIGHT / (4 * np.pi * self._frequency_hz * length), clear)
 
     def _zone(self, direction: np.ndarray, length_m: float) -> np.ndarray:
-        """Return vectors (AROUND, 3) from a path to the edge of its first Fresnel zone at the zone's widest place.
-
-        `_beside` shortens these vectors at other places.
-        """
+        """Return vectors (AROUND, 3) from a path to the edge of its first Fresnel zone where this is widest."""
         first = box.across(np.eye(3)[np.argmin(np.abs(direction))], direction)
         angle = 2 * np.pi * (np.arange(AROUND) + 0.37) / AROUND
         ring = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * np.cross(direction, first)
@@ -113,11 +102,7 @@ class Room:
     def _met_along(
         self, sensor: np.ndarray, line: np.ndarray, walls: Sequence[tuple[int, float]], aside: np.ndarray
     ) -> tuple[list[int] | None, np.ndarray]:
-        """Follow the line to an image, shifted by `aside`. Returns the surface that the line hits at each wall, and the points (P, 3) of
-        the line folded back into the room.
-
-        The returned surfaces are None if the line leaves the room through an opening.
-        """
+        """Return the surface at each wall of the line to an image (None: an opening), shifted by `aside`, and its folded points."""
         surfaces, reached = [], []
         for across, coordinate in walls:
             share = (coordinate - sensor[across]) / line[across]
@@ -156,10 +141,6 @@ class Room:
         inside = np.flatnonzero((b >= -ON_EDGE) & (c >= -ON_EDGE) & (b + c <= 1 + ON_EDGE))
         return int(surface[inside[0]]) if inside.size else None
 
-    def _reflection(self, surface: int) -> box.Reflection:
-        material, roughness = self._materials[surface]
-        return lambda cosine: _reflected(material, roughness, round(cosine, 12), self._frequency_hz)
-
 
 def _hidden(points: np.ndarray, triangles: np.ndarray) -> bool:
     """Return whether a triangle cuts a segment between successive points. Ref: Moeller, Trumbore, J. Graphics Tools 2 (1997) 21."""
@@ -182,8 +163,8 @@ def _hidden(points: np.ndarray, triangles: np.ndarray) -> bool:
 
 
 @lru_cache(maxsize=4096)
-def _reflected(material: str | Layered, roughness_m: float, cosine: float, frequency_hz: float) -> tuple[complex, complex]:
-    layers = layered(material)
+def _reflected(material: str | Layered, roughness_m: float, frequency_hz: float, cosine: float) -> tuple[complex, complex]:
+    layers, cosine = layered(material), round(cosine, 12)
     te, tm = stack.stack(layers.layers, layers.backing, float(np.arccos(cosine)), frequency_hz)
     rough = float(np.exp(-2 * (2 * np.pi * frequency_hz / SPEED_OF_LIGHT * roughness_m * cosine) ** 2))
     return te * rough, tm * rough

@@ -23,9 +23,7 @@ BUILDING = {
 
 
 def permittivity(name: str, frequency_hz: float) -> complex:
-    """Return the relative permittivity of a building material, water at 20 C, or air. The permittivities of other materials come from
-    RadarTwin's own tables.
-    """
+    """Return the relative permittivity of a building material, water at 20 C or air; others come from RadarTwin's own tables."""
     ghz = frequency_hz / 1e9
     if name in BUILDING:
         real, c, d = BUILDING[name]
@@ -51,10 +49,7 @@ def fresnel(permittivity_: complex, cosine: np.ndarray | float) -> tuple[np.ndar
 
 
 def stack(layers: Sequence[tuple[str, float]], backing: str, angle_rad: float, frequency_hz: float) -> tuple[complex, complex]:
-    """Return the reflection coefficients (te, tm) of layers in front of a backing.
-
-    A layer is (material name, thickness in metres); the outermost layer comes first.
-    """
+    """Return the reflection (te, tm) of layers (material name, thickness in metres), outermost first, in front of a backing."""
     sine2 = np.sin(angle_rad) ** 2
     wavenumber = 2 * np.pi * frequency_hz / SPEED_OF_LIGHT
     out = []

@@ -1,7 +1,5 @@
 """Validation cases of far-field cross-sections: closed forms, Mie series, cylinder series, and iterative optics of trihedrals."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
@@ -36,10 +34,7 @@ def mie_rcs(radius_m: float, wavelength_m: float = WAVELENGTH_M) -> float:
 
 
 def cylinder_rcs(radius_m: float, height_m: float) -> float:
-    """Return the broadside cross-section in m^2 of a cylinder: the exact echo width of an infinitely long cylinder times 2 L^2/lambda.
-
-    Ref: Balanis (2012), eq. 11-22b.
-    """
+    """Return the broadside cross-section in m^2 of a cylinder: echo width times 2 L^2/lambda. Ref: Balanis (2012), eq. 11-22b."""
     return 2 * height_m**2 / WAVELENGTH_M * conductor_width(radius_m, WAVELENGTH_M)
 
 
@@ -67,16 +62,13 @@ def trihedral_rcs(leg_m: float, azimuth_deg: float = 0.0) -> float:
 
 @dataclass(frozen=True)
 class Target:
-    """A canonical target in three sizes. Each size of the target has a mesh, a direction of view and a reference cross-section."""
+    """A canonical target in three sizes in metres."""
 
     name: str
     words: str
     oracle: str
-    sizes: tuple[Callable[[], tuple[trimesh.Trimesh, Sequence[float], float]], ...]
-
-
-def _plate(side_m: float) -> tuple[trimesh.Trimesh, Sequence[float], float]:
-    return objects.plate(side_m, side_m), AHEAD, plate_rcs(side_m)
+    sizes: tuple[tuple[float, ...], ...]
+    make: Callable[..., tuple[trimesh.Trimesh, Sequence[float], float]]  # of a size: mesh, direction of view, cross-section
 
 
 def _sidelobe(side_m: float) -> tuple[trimesh.Trimesh, Sequence[float], float]:
@@ -84,45 +76,21 @@ def _sidelobe(side_m: float) -> tuple[trimesh.Trimesh, Sequence[float], float]:
     return objects.plate(side_m, side_m), (np.cos(angle), np.sin(angle), 0.0), plate_rcs(side_m, angle)
 
 
-def _dihedral(face_m: float) -> tuple[trimesh.Trimesh, Sequence[float], float]:
-    return objects.dihedral(face_m, face_m), AHEAD, 8 * np.pi * face_m**4 / WAVELENGTH_M**2
-
-
-def _trihedral(leg_m: float) -> tuple[trimesh.Trimesh, Sequence[float], float]:
-    return objects.trihedral(leg_m), AHEAD, trihedral_rcs(leg_m)
-
-
-def _sphere(radius_m: float) -> tuple[trimesh.Trimesh, Sequence[float], float]:
-    return objects.sphere(radius_m, 4), (1.0, 0.2, 0.1), mie_rcs(radius_m)
-
-
-def _cylinder(radius_m: float, height_m: float) -> tuple[trimesh.Trimesh, Sequence[float], float]:
-    return objects.cylinder(radius_m, height_m, 64), (1.0, 0.13, 0.0), cylinder_rcs(radius_m, height_m)
-
-
 TARGETS = (
-    Target("plate", "plate 5, 10, 20 cm, main lobe", "4 pi A^2/lambda^2", tuple(partial(_plate, s) for s in (0.05, 0.1, 0.2))),
-    Target(
-        "sidelobe",
-        "plate 5, 10, 20 cm, first sidelobe",
-        "physical-optics sinc^2 cos^2 (Balanis 2012, 11-44)",
-        tuple(partial(_sidelobe, s) for s in (0.05, 0.1, 0.2)),
-    ),
-    Target("dihedral", "square dihedral 5, 10, 15 cm", "8 pi a^2 b^2/lambda^2", tuple(partial(_dihedral, s) for s in (0.05, 0.1, 0.15))),
-    Target(
-        "trihedral",
-        "triangular trihedral, leg 5, 10, 15 cm",
-        "iterative physical optics in the far field",
-        tuple(partial(_trihedral, s) for s in (0.05, 0.1, 0.15)),
-    ),
-    Target("sphere", "sphere r 2, 3.3, 5 cm", "Mie series (miepython)", tuple(partial(_sphere, r) for r in (0.02, 0.033, 0.05))),
-    Target(
-        "cylinder",
-        "cylinder r 2, 3.3, 5 cm, height 8, 12, 20 cm",
-        "exact cylinder series times 2 L^2/lambda",
-        tuple(partial(_cylinder, r, h) for r, h in ((0.02, 0.08), (0.033, 0.12), (0.05, 0.2))),
-    ),
-)
+    Target("plate", "plate 5, 10, 20 cm, main lobe", "4 pi A^2/lambda^2", ((0.05,), (0.1,), (0.2,)),
+           lambda side_m: (objects.plate(side_m, side_m), AHEAD, plate_rcs(side_m))),
+    Target("sidelobe", "plate 5, 10, 20 cm, first sidelobe", "physical-optics sinc^2 cos^2 (Balanis 2012, 11-44)",
+           ((0.05,), (0.1,), (0.2,)), _sidelobe),
+    Target("dihedral", "square dihedral 5, 10, 15 cm", "8 pi a^2 b^2/lambda^2", ((0.05,), (0.1,), (0.15,)),
+           lambda face_m: (objects.dihedral(face_m, face_m), AHEAD, 8 * np.pi * face_m**4 / WAVELENGTH_M**2)),
+    Target("trihedral", "triangular trihedral, leg 5, 10, 15 cm", "iterative physical optics in the far field",
+           ((0.05,), (0.1,), (0.15,)), lambda leg_m: (objects.trihedral(leg_m), AHEAD, trihedral_rcs(leg_m))),
+    Target("sphere", "sphere r 2, 3.3, 5 cm", "Mie series (miepython)", ((0.02,), (0.033,), (0.05,)),
+           lambda radius_m: (objects.sphere(radius_m, 4), (1.0, 0.2, 0.1), mie_rcs(radius_m))),
+    Target("cylinder", "cylinder r 2, 3.3, 5 cm, height 8, 12, 20 cm", "exact cylinder series times 2 L^2/lambda",
+           ((0.02, 0.08), (0.033, 0.12), (0.05, 0.2)),
+           lambda radius_m, height_m: (objects.cylinder(radius_m, height_m, 64), (1.0, 0.13, 0.0), cylinder_rcs(radius_m, height_m))),
+)  # fmt: skip
 
 
 def level(mesh: trimesh.Trimesh, direction: Sequence[float], density: float, seed: int = 0, **options: object) -> float:
@@ -135,7 +103,7 @@ def at_density(target: Target, density: float, full: bool) -> Finding:
     """Compare the ray tracer with the references for three sizes of a target, on the default ray grid and on shifted grids."""
     pairs = []
     for size in target.sizes:
-        mesh, direction, reference = size()
+        mesh, direction, reference = target.make(*size)
         pairs += [(float(db(reference)), level(mesh, direction, density, seed)) for seed in range(9 if full else 3)]
     return worst(pairs)
 
@@ -144,7 +112,7 @@ def drift(target: Target, full: bool) -> Finding:
     """Find the largest change of the level in dB with ray density, relative to the level at 4 rays per square wavelength."""
     pairs = []
     for size in target.sizes if full else target.sizes[:2]:
-        mesh, direction, _ = size()
+        mesh, direction, _ = target.make(*size)
         levels = [level(mesh, direction, density) for density in ((4, 8, 16, 32, 64) if full else (4, 64))]
         pairs += [(levels[0], level_db) for level_db in levels[1:]]
     return worst(pairs)
@@ -154,7 +122,7 @@ def spread(target: Target, full: bool) -> Finding:
     """Find the highest minus the lowest level in dB over ray grids that random seeds shift."""
     pairs = []
     for size in target.sizes if full else target.sizes[1:2]:
-        mesh, direction, _ = size()
+        mesh, direction, _ = target.make(*size)
         levels = [level(mesh, direction, 16, seed) for seed in range(1, 13 if full else 5)]
         pairs.append((min(levels), max(levels)))
     return worst(pairs)
@@ -191,9 +159,7 @@ def _closed_forms(full: bool) -> Finding:
 
 
 def _mie_table(full: bool) -> Finding:
-    """Compare spheres of at least 5 mm radius with the Mie reference table. Spheres with a smaller radius are left out, because
-    physical optics itself is wrong for them.
-    """
+    """Compare spheres of at least 5 mm radius, for which physical optics holds, with the Mie reference table."""
     rows = [row for row in reference_rows("mie_pec_sphere_77GHz.csv") if float(row["a_mm"]) >= 5]
     return worst([(float(r["mie_dBsm"]), level(objects.sphere(float(r["a_mm"]) / 1e3, 4), AHEAD, DENSITY)) for r in rows])
 
@@ -224,10 +190,7 @@ def scanned(name: str) -> trimesh.Trimesh:
 
 
 def _scanned(name: str, full: bool) -> Finding:
-    """Compare the amplitudes of a scanned object over aspect angles at 4 and at 64 rays per square wavelength.
-
-    The error is the rms difference of the complex amplitudes, relative to the amplitudes at 64 rays per square wavelength.
-    """
+    """Return the rms difference of the amplitudes of a scanned object at 4 and at 64 rays per square wavelength, over aspects."""
     mesh = scanned(name)
     aspects = np.radians(np.linspace(0, 360, 24 if full else 5, endpoint=False) + 7)
     few, many = (

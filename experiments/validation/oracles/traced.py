@@ -1,7 +1,5 @@
 """RadarTwin's values for the comparisons with references: paths and fields of a scene by a chosen tracing method."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -24,9 +22,7 @@ METHODS = {"tubes": "tubes alone", "panels": "flat faces"}
 
 
 def settings(method: str, **values: Any) -> TraceSettings:
-    """Return the ray tracer's settings for a method of METHODS, with mirror reflections only. The settings for the number of rays
-    apply to ray tubes only.
-    """
+    """Return the ray tracer's settings for a method of METHODS, with mirror reflections only; `rays` applies to ray tubes."""
     values = {"room": method, "diffuse": False, "coupling": False, **values}
     if method == "panels":
         values.pop("rays", None)
@@ -39,10 +35,7 @@ def trace(scene: rt.Scene, radar: rt.Radar, pose: np.ndarray, trace_settings: Tr
 
 
 def field(parts: Sequence[Paths], frequency_hz: float) -> complex:
-    """Return the sum of the complex amplitudes of all paths between isotropic antennas at one frequency.
-
-    Amplitudes are interpolated between the frequencies (nodes) at which the tracer computes them.
-    """
+    """Return the sum of all paths between isotropic antennas at one frequency, interpolated between the nodes of the tracer."""
     total = 0j
     for paths in parts:
         nodes = paths.frequencies_hz
