@@ -201,7 +201,9 @@ def compared(config: Config) -> Config:
 
 
 def tables(config: Config) -> dict[tuple[float | str, str], Config]:
-    """Return the configuration of each compared table by strength (or WHOLE: strength 1 and the whole campaign) and name."""
+    """Return the configuration of each table that the rows compare, by strength and name. An entry with WHOLE in place of the strength
+    has strength 1 and the whole campaign. Raises ConfigError for an unknown object in a campaign.
+    """
     planned(config.profile.campaign, measured=True)
     planned(config.profile.strength_campaign, measured=True)
     configs: dict[tuple[float | str, str], Config] = {(WHOLE, name): at_strength(config, name, NOMINAL) for name in SOURCES}

@@ -70,7 +70,9 @@ def read(path: Path) -> list[dict[str, Any]]:
 
 
 def differences(registered: Sequence[Mapping[str, Any]], table: Path) -> list[str]:
-    """Return a line for each claim that the table lacks, states otherwise, judges on other draws, or that is not registered."""
+    """Return a line for each registered claim that a headline table lacks, states otherwise, or judges on other draws, and for each claim
+    of the table that is not registered. Raises InputError for another table.
+    """
     known = {claim[TEXT]: claim for claim in registered}
     try:
         with table.open(encoding="utf-8", newline="") as stream:
