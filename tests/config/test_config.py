@@ -76,20 +76,6 @@ def test_mistake_is_one_line_that_names_it(overrides: list[str], words: tuple[st
         assert word in message
 
 
-def test_only_the_element_may_be_set_beside_a_radar_file(tmp_path: Path) -> None:
-    written = replace(Radar.iwr1843(), num_samples=64)
-    (tmp_path / "r.json").write_text(json.dumps(written.to_dict()))
-    given = ["radar=file", f"radar.file={tmp_path / 'r.json'}"]
-    assert build_radar(compose(given).radar) == written
-    assert build_radar(compose([*given, "radar.element=isotropic"]).radar) == replace(written, element="isotropic")
-
-
-def test_board_has_its_element_pattern_by_default() -> None:
-    assert build_radar(compose().radar) == Radar.iwr1843()
-    assert build_radar(compose(["radar.element=isotropic"]).radar).element == "isotropic"
-    assert build_radar(compose(["radar=openradar_77ghz"]).radar).element == "iwr1843"
-
-
 @pytest.mark.parametrize("key", ["name=../x", "name=a b", "name=.x", "module=.x", "module=a..b", "module=../x"])
 def test_experiment_name_must_be_a_module_name(key: str) -> None:
     with pytest.raises(ConfigError, match="is not the name of a module"):
@@ -103,9 +89,15 @@ def test_option_that_the_experiment_does_not_read_is_refused(option: str) -> Non
         load(compose(["experiment=turntable_shape", f"experiment.{option}", *more]).experiment)
 
 
-def test_options_that_an_experiment_reads_are_accepted() -> None:
-    for name, option in (("environment", "distances_m=[1]"), ("gallery", "pairs=[mug/lab/turntable/1]"), ("campaign_part", "parts=2")):
-        load(compose([f"experiment={name}", f"experiment.{option}"]).experiment)
+def test_radar_has_the_element_of_its_board_or_file_unless_one_is_given(tmp_path: Path) -> None:
+    assert build_radar(compose().radar) == Radar.iwr1843()
+    assert build_radar(compose(["radar.element=isotropic"]).radar).element == "isotropic"
+    assert build_radar(compose(["radar=openradar_77ghz"]).radar).element == "iwr1843"
+    stored = replace(Radar.iwr1843(), num_samples=64)
+    (tmp_path / "r.json").write_text(json.dumps(stored.to_dict()))
+    given = ["radar=file", f"radar.file={tmp_path / 'r.json'}"]
+    assert build_radar(compose(given).radar) == stored
+    assert build_radar(compose([*given, "radar.element=isotropic"]).radar) == replace(stored, element="isotropic")
 
 
 NEEDS = {"scene=scan", "materials=scene", "radar=file", "trajectory=file", "measured=recordings"}
@@ -122,18 +114,12 @@ def test_every_shipped_option_composes_or_names_what_it_needs(group: str) -> Non
             compose([override])
 
 
-def test_option_named_true_is_not_a_boolean() -> None:
+def test_overrides_have_precedence_and_the_option_true_is_no_boolean() -> None:
     assert compose(["materials=true"]).materials.source == "true"
     assert quoted(["materials=vlm,true", "radar.real_sampling=true"]) == ["materials=vlm,'true'", "radar.real_sampling=true"]
-
-
-def test_scan_keeps_its_labels_unless_a_source_is_given() -> None:
     assert compose(["scene=scan", "scene.path=x"]).materials.source == "scene"
     assert compose(["scene=scan", "scene.path=x", "materials=uniform"]).materials.source == "uniform"
     assert compose(["materials=vlm", "scene=scan", "scene.path=x"]).materials.source == "vlm"
-
-
-def test_command_line_overrides_an_experiment_file() -> None:
     assert compose(["experiment=environment"]).experiment.distances_m == [0.5, 1.0, 1.5, 2.0]
     assert compose(["experiment=environment", "experiment.distances_m=[3]"]).experiment.distances_m == [3.0]
     assert compose(["experiment=environment", "scene=atrium"]).scene.name == "atrium"
@@ -150,6 +136,8 @@ def test_user_folder_of_any_name_adds_options(tmp_path: Path) -> None:
     for file, text in files.items():
         (tmp_path / name / file).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name / file).write_text(text)
+    with pytest.raises(MissingError, match="no_such_folder"):
+        Composer([tmp_path / "no_such_folder"]).compose([])
     composer = Composer([tmp_path / name])
     assert composer.compose(["scene=plain"]).scene.target == "sphere"
     assert composer.compose(["scene=mine"]).scene.room_options() == {"detail": "shell"}
@@ -157,11 +145,6 @@ def test_user_folder_of_any_name_adds_options(tmp_path: Path) -> None:
     for overrides in (["simulator=bare"], ["simulator=bare", "simulator.step_deg=2"]):
         with pytest.raises(ConfigError, match="names no schema"):
             composer.compose(overrides)
-
-
-def test_absent_user_folder_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(MissingError, match="no_such_folder"):
-        Composer([tmp_path / "no_such_folder"]).compose([])
 
 
 @pytest.mark.parametrize("name", ["a b, 'c' = {d}", "[x],y=z", "\\a\\\\b", "end\\", "${a}", "\\${a:b}\\'", "\\\\${a", "#?%20$"])

@@ -12,13 +12,24 @@ from radartwin.errors import MissingError, OutputError
 from radartwin.io import files
 
 
-def test_a_file_is_written_completely_or_not_at_all(tmp_path: Path) -> None:
+def test_a_file_is_written_completely_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = files.write_atomically(tmp_path / "deep" / "table.csv", "a,b\n")
     assert path.read_text() == "a,b\n"
     (tmp_path / "folder").mkdir()
     with pytest.raises(OutputError, match="folder"):
         files.write_atomically(tmp_path / "folder", "text")
-    assert [p.name for p in tmp_path.rglob("*.tmp")] == []
+
+    def write() -> None:
+        with files.replacing(tmp_path / "a") as stream:
+            stream.write(b"half")
+            raise MissingError("source is missing")
+
+    with pytest.raises(MissingError, match=r"^source is missing$"):
+        write()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["deep", "folder"]
+    monkeypatch.setattr(files.os, "access", lambda *_: False)  # root may write into every folder
+    with pytest.raises(OutputError, match="cannot be written"):
+        files.check_folder(tmp_path / "absent")
 
 
 def test_files_replaced_together_are_all_old_or_all_new(tmp_path: Path) -> None:
@@ -66,34 +77,6 @@ def test_after_a_kill_between_two_renames_the_last_file_is_absent(renamed: int, 
     assert found == {path.name: "new" if number < renamed else "old" for number, path in enumerate(paths[:-1])}
 
 
-def test_an_error_of_the_user_within_the_block_keeps_its_message(tmp_path: Path) -> None:
-    def write() -> None:
-        with files.replacing(tmp_path / "a") as stream:
-            stream.write(b"half")
-            raise MissingError("source is missing")
-
-    with pytest.raises(MissingError, match=r"^source is missing$"):
-        write()
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(files.os, "access", lambda *_: False)  # root may write into every folder
-    with pytest.raises(OutputError, match="cannot be written"):
-        files.check_folder(tmp_path / "absent")
-
-
-def test_a_lock_file_is_removed_after_use_and_a_stale_one_is_dropped(tmp_path: Path) -> None:
-    lock = tmp_path / "lock"
-    with files.lock(lock):
-        files.drop_stale(lock)
-        assert lock.exists()
-    assert not lock.exists()
-    lock.write_text("")
-    files.drop_stale(lock)
-    assert not lock.exists()
-
-
 def test_a_lock_waits_for_its_holder_and_says_so_once(tmp_path: Path) -> None:
     lock, order = tmp_path / "work" / "lock", []
 
@@ -108,4 +91,10 @@ def test_a_lock_waits_for_its_holder_and_says_so_once(tmp_path: Path) -> None:
         order.append("first")
     thread.join(10)
     assert order == ["waiting", "first", "second"]
+    assert not lock.exists()
+    with files.lock(lock):
+        files.drop_stale(lock)
+        assert lock.exists()
+    lock.write_text("")
+    files.drop_stale(lock)
     assert not lock.exists()

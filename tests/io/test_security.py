@@ -89,7 +89,7 @@ def test_no_module_unpickles_evaluates_text_or_calls_a_shell(package: str) -> No
             assert "trust_remote_code" not in given, where
 
 
-def test_arrays_of_objects_are_not_unpickled(tmp_path: Path, mark: Path) -> None:
+def test_arrays_and_models_are_not_unpickled(tmp_path: Path, mark: Path) -> None:
     array = np.array([Evil(mark)], dtype=object)
     np.save(tmp_path / "a.npy", array, allow_pickle=True)
     np.savez(tmp_path / "a.npz", a=array)
@@ -97,15 +97,11 @@ def test_arrays_of_objects_are_not_unpickled(tmp_path: Path, mark: Path) -> None
         files.read_arrays(tmp_path / "a.npz")
     with pytest.raises(RecordingError, match=r"a\.npy"):
         load_capture(tmp_path / "a.npy", Radar.iwr1843())
-    (tmp_path / "b.npy").write_bytes(pickle.dumps(Evil(mark)))
+    content = pickle.dumps(Evil(mark))
+    (tmp_path / "b.npy").write_bytes(content)
     with pytest.raises(RecordingError, match=r"b\.npy"):
         load_capture(tmp_path / "b.npy", Radar.iwr1843())
-
-
-def test_a_pickle_is_refused_as_a_model(tmp_path: Path, mark: Path) -> None:
-    content = pickle.dumps(Evil(mark))
-    described = {"format": "radartwin recogniser 1", "sha256": hashlib.sha256(content).hexdigest()}
-    (tmp_path / "model.json").write_text(json.dumps(described))
+    (tmp_path / "model.json").write_text(json.dumps({"format": "radartwin recogniser 1", "sha256": hashlib.sha256(content).hexdigest()}))
     (tmp_path / "model.safetensors").write_bytes(content)
     with pytest.raises(InputError, match="not a usable model"):
         Recogniser.load(tmp_path)
@@ -136,15 +132,6 @@ def test_an_experiment_file_cannot_make_hydra_call_code(node: dict[str, Any], tm
 def test_an_override_cannot_make_hydra_call_code(override: str) -> None:
     with pytest.raises(ConfigError, match="_target_"):
         Composer().compose([override])
-
-
-def test_known_launchers_and_their_keys_are_accepted() -> None:
-    keys = ("partition=gpu", "gpus_per_node=1", "mem_gb=32", "cpus_per_task=8", "array_parallelism=8")
-    composer = Composer()
-    assert composer.launching(["hydra/launcher=basic"])[0] == "basic"
-    assert composer.launching(["hydra/launcher=joblib", "hydra.launcher.n_jobs=3"]) == ("joblib", {"n_jobs": 3}, "")
-    slurm = composer.launching(["hydra/launcher=slurm", *(f"hydra.launcher.{key}" for key in keys)])[1]
-    assert (slurm["partition"], slurm["gpus_per_node"], slurm["mem_gb"], slurm["timeout_min"]) == ("gpu", 1, 32, 240)
 
 
 def frame_index(folder: Path, name: str) -> None:
@@ -196,12 +183,9 @@ def test_a_mesh_reads_no_picture_outside_its_folder(uri: str, tmp_path: Path) ->
         assert getattr(material, "baseColorTexture", None) is None
         assert visual.kind == "vertex"  # the plain colour of the material
         assert getattr(material, "image", None) is None
-
-
-def test_a_mesh_with_a_device_as_material_file_is_read_without_materials(tmp_path: Path) -> None:
-    (tmp_path / "a.obj").write_text("mtllib /dev/zero\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    (folder / "c.obj").write_text("mtllib /dev/zero\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     with pytest.warns(UserWarning, match="/dev/zero"):
-        assert len(read_meshes(tmp_path / "a.obj")) == 1
+        assert len(read_meshes(folder / "c.obj")) == 1
 
 
 def test_a_journal_behind_a_link_does_not_change_the_linked_file(tmp_path: Path) -> None:
@@ -244,16 +228,19 @@ def test_a_foreign_cache_cannot_name_files_outside_its_folder(name: str, tmp_pat
         report_verb(tmp_path)
 
 
-def test_names_of_a_scene_are_escaped_in_its_page(tmp_path: Path) -> None:
+def test_names_are_escaped_in_a_page_and_send_no_control_characters(tmp_path: Path, inside: Command) -> None:
     nasty = "</script><script>alert(1)</script>"
     surfaces = [replace(surface, name=nasty, provenance={"source": nasty}) for surface in rooms.lab().surfaces[:2]]
     view(Scene(surfaces, {"room": nasty}), tmp_path / "view.html")
     assert "<script>alert" not in (tmp_path / "view.html").read_text()
-
-
-def test_a_file_name_sends_no_control_characters(inside: Command) -> None:
     done = inside("process", "\x1b]0;owned\x07\x1b[2J.bin")
     assert done.returncode == 2
     assert "\x1b" not in done.stderr
     assert "\x07" not in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_known_launchers_and_their_keys_are_accepted() -> None:
+    assert Composer().launching(["hydra/launcher=joblib", "hydra.launcher.n_jobs=3"]) == ("joblib", {"n_jobs": 3}, "")
+    keys = [f"hydra.launcher.{key}" for key in ("partition=gpu", "gpus_per_node=1", "mem_gb=32", "cpus_per_task=8", "array_parallelism=8")]
+    assert Composer().launching(["hydra/launcher=slurm", *keys])[1]["gpus_per_node"] == 1

@@ -62,36 +62,34 @@ def question() -> Question:
     return questions(Scene([plate]), views=2)[0]
 
 
-def test_three_invalid_answers_become_other(weights: Path, question: Question) -> None:
-    provider = InternVL(str(weights), max_new_tokens=6)
-    [(asked, record)] = provider.answers([question])
-    assert asked is question
-    assert record.answer.material == "other"
-    assert record.answer.invalid
-    assert record.answer.attempts == 3
-    assert (record.provider, record.model, record.images) == ("local", str(weights), question.images)
-
-
-STONE = json.dumps({"material": "stone", "finish": "sandy", "confidence": 0.7, "reason": "grey"})
-
-
 @pytest.fixture
 def inputs(weights: Path, monkeypatch: pytest.MonkeyPatch) -> dict:
-    """Return the inputs that the neural network received. The test replaces the network's reply by STONE."""
+    """Return the inputs that the neural network received. The network replies `inputs["reply"]`, or what its random weights say."""
     inputs: dict = {}
-    reply = transformers.AutoTokenizer.from_pretrained(weights)(STONE, return_tensors="pt")["input_ids"]
+    network = transformers.InternVLForConditionalGeneration
+    generated = network.generate
 
-    def generate(network, **given):
+    def generate(self, **given):
         import torch
 
         inputs.update(given)
+        if "reply" not in inputs:
+            return generated(self, **given)
+        reply = transformers.AutoTokenizer.from_pretrained(weights)(inputs["reply"], return_tensors="pt")["input_ids"]
         return torch.cat([given["input_ids"], reply], dim=1)
 
-    monkeypatch.setattr(transformers.InternVLForConditionalGeneration, "generate", generate)
+    monkeypatch.setattr(network, "generate", generate)
     return inputs
 
 
-def test_reply_of_the_network_is_read_as_an_answer(weights: Path, question: Question, inputs: dict) -> None:
+def test_reply_of_the_network_is_read_as_an_answer_and_three_invalid_replies_become_other(
+    weights: Path, question: Question, inputs: dict
+) -> None:
+    [(asked, record)] = InternVL(str(weights), max_new_tokens=6).answers([question])
+    assert asked is question
+    assert (record.answer.material, record.answer.invalid, record.answer.attempts) == ("other", True, 3)
+    assert (record.provider, record.model, record.images) == ("local", str(weights), question.images)
+    inputs["reply"] = json.dumps({"material": "stone", "finish": "sandy", "confidence": 0.7, "reason": "grey"})
     [(_, record)] = InternVL(str(weights)).answers([question])
     assert (record.answer.material, record.answer.confidence, record.answer.attempts) == ("stone", 0.7, 1)
     tokenizer = transformers.AutoTokenizer.from_pretrained(weights)
@@ -99,14 +97,10 @@ def test_reply_of_the_network_is_read_as_an_answer(weights: Path, question: Ques
     assert (inputs["input_ids"] == token).sum() == 2 * 4, "two pictures of (56/14)^2 patches, four patches per token"
     assert inputs["pixel_values"].shape == (2, 3, 56, 56)
     assert question.text in tokenizer.decode(inputs["input_ids"][0])
-
-
-def test_picture_is_normalised_with_the_mean_of_imagenet(weights: Path, question: Question, inputs: dict) -> None:
     stream = io.BytesIO()
     Image.new("RGB", (64, 48), (124, 116, 104)).save(stream, "JPEG", quality=95)  # the mean colour of ImageNet
-    plain = dataclasses.replace(question, crops=(dataclasses.replace(question.crops[0], jpeg=stream.getvalue()),))
-    list(InternVL(str(weights)).answers([plain]))
-    assert inputs["pixel_values"].shape == (1, 3, 56, 56)
+    grey = dataclasses.replace(question.crops[0], jpeg=stream.getvalue())
+    list(InternVL(str(weights)).answers([dataclasses.replace(question, crops=(grey,))]))
     assert inputs["pixel_values"].abs().max() < 0.03
 
 

@@ -86,17 +86,10 @@ def test_objects_are_placed_by_numbers_and_removed(server: Any) -> None:
     assert [path.owner for path in tracer.answer(page.setting).paths][:1] == ["b"]
     page.add_object("mug")
     assert set(page.setting.object_poses) == {"b", "mug"}
-
-
-def test_without_echoes_the_map_is_dark_and_says_so(server: Any) -> None:
-    page, tracer = opened(server, reflectors("target"))
-    page.show(tracer.answer(page.setting))
-    page.remove_object("target")
+    page.remove_object("mug")
+    page.remove_object("b")
     page.show(tracer.answer(page.setting))
     assert "no echoes" in page.controls._map_caption.content
-    sector = page.controls._map.image[:, :430].astype(int)  # without the bar of colours
-    assert not (sector[..., 1] > sector[..., 2] + 60).any(), "no green or yellow"
-    assert page.controls._profile.scales["y"]["range"] == (-200.0, -130.0)
 
 
 @pytest.mark.parametrize("name", ["atrium", "lab", "squash_court"])
@@ -121,10 +114,6 @@ def test_a_recording_that_is_stopped_and_started_again_plays_at_its_frame_rate(s
     time.sleep(1.0)
     controls._plays.value = False
     assert controls.frame - before <= 11
-
-
-@pytest.mark.parametrize("frames", [1, 2])
-def test_the_frame_slider_ends_at_the_last_frame(frames: int, server: Any) -> None:
-    recording = rt.Recording(np.zeros((frames, 1, 2, 4, 256), np.complex64), replace(RADAR, num_chirps=1))
-    controls = Controls(server, Mock(), Playback(recording, "capture"), 5.0)
-    assert (controls._frame.min, controls._frame.max, controls.frame) == (0, frames - 1, 0)
+    for frames in (1, 2):
+        slider = Controls(server, Mock(), Playback(rt.Recording(recording.iq[:frames], radar), "capture"), 5.0)._frame
+        assert (slider.min, slider.max) == (0, frames - 1)

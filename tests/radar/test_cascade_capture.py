@@ -11,7 +11,6 @@ from radartwin.builders.radar import named_radar
 from radartwin.errors import MissingError
 from radartwin.radar.captures import load_capture
 from radartwin.radar.cascade_capture import CHIPS
-from radartwin.radar.process_capture import process_capture
 
 RADAR = dataclasses.replace(named_radar("awr2243_cascade"), num_chirps=8, num_samples=64, frame_rate_hz=100.0)
 SHAPE = (3, 8, 12, 16, 64)  # frame, loop, transmitter, receiver, sample
@@ -42,24 +41,6 @@ def test_capture_is_read_in_the_order_of_chips_and_receivers(tmp_path):
     assert recording.provenance["unit"] == "counts"
 
 
-def test_capture_folder_is_processed(tmp_path):
-    """A beat at bin 16 of 64 in every channel is an echo at 16 range bins, in the direction of the boresight."""
-    beat = np.broadcast_to(np.rint(1000 * np.exp(2j * np.pi * 16 * np.arange(64) / 64)), SHAPE)[:1]
-    write_by_hand(tmp_path / "capture", beat)
-    range_m, speed_mps, azimuth_deg, _ = process_capture(tmp_path / "capture", radar=RADAR, iq_swapped=False).iloc[0]
-    assert range_m == pytest.approx(16 * 299_792_458.0 * 8e6 / (2 * 79e12 * 64), abs=0.01)
-    assert (speed_mps, azimuth_deg) == pytest.approx((0, 0), abs=0.05)
-
-
-def test_broken_captures_are_refused_in_one_line(tmp_path):
-    folder = tmp_path / "capture"
-    write_by_hand(folder, counts())
-    refused(["does not name its radar"], load_capture, folder)
-    refused(["4 receivers"], load_capture, folder, rt.Radar.iwr1843())
-    (folder / "slave2_0000_data.bin").write_bytes(bytes(100))
-    refused(["part 0000", " 100, ", "whole number of frames"], load_capture, folder, RADAR)
-
-
 @pytest.mark.parametrize(
     "lost", [[f"{chip}_0001_data.bin" for chip in CHIPS], [f"{chip}_0000_data.bin" for chip in CHIPS], ["slave3_0002_data.bin"]]
 )
@@ -70,3 +51,11 @@ def test_a_lost_part_is_named_in_one_line(tmp_path, lost):
         (tmp_path / name).unlink()
     words = [f"{tmp_path / lost[0]}: no such file; each of the 4 chips needs the parts 0000 to 0002"]
     refused(words, load_capture, tmp_path, RADAR, error=MissingError)
+
+
+def test_captures_of_another_radar_or_length_are_refused_in_one_line(tmp_path):
+    write_by_hand(tmp_path, counts())
+    refused(["does not name its radar"], load_capture, tmp_path)
+    refused(["4 receivers"], load_capture, tmp_path, rt.Radar.iwr1843())
+    (tmp_path / "slave2_0000_data.bin").write_bytes(bytes(100))
+    refused(["part 0000", " 100, ", "whole number of frames"], load_capture, tmp_path, RADAR)

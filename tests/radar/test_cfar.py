@@ -22,14 +22,11 @@ def test_false_alarm_rate_in_noise_is_the_requested_rate(looks):
     assert 50 < hits.sum() < 150
 
 
-def test_circular_axes_take_training_cells_from_the_other_end():
+def test_circular_axes_take_training_cells_from_the_other_end_and_min_factor_bounds_the_threshold():
     power = np.ones(64)
     power[60:] = 100.0
     circular, open_ = (ca_cfar(power, guard=(0,), training=(4,), false_alarm=1e-2, looks=1, wrap=(wraps,))[1] for wraps in (True, False))
     assert circular[0] > 10 * open_[0]
-
-
-def test_min_factor_bounds_the_threshold_from_below():
     threshold = ca_cfar(np.ones(64), guard=(1,), training=(4,), false_alarm=1e-5, looks=10_000, min_factor=2.0, wrap=(False,))[1]
     np.testing.assert_allclose(threshold, 2.0)
 

@@ -40,11 +40,13 @@ def test_short_and_unsigned_words_have_their_sign(layout, code):
     np.testing.assert_array_equal(layout.samples(words, (1, 1, 1, 2)), [[[[1 - 1j, -1 - 1j]]]])
 
 
-def test_counts_beyond_16_bits_are_clipped_and_counted():
+def test_counts_beyond_16_bits_are_clipped_and_counted_and_invalid_samples_refused():
     iq = np.array([40_000 + 0j, -40_000 - 32_768j, 32_767 + 5j, 0 + 32_768j]).reshape(1, 1, 1, 1, 4)
     words, clipped = Layout().words(iq, 1.0)
     assert clipped == 3
     assert tuple(words.reshape(-1).tolist()) == (32767, -32768, 0, -32768, 32767, 0, 5, 32767)
+    for wrong, word in ((np.full((1, 2), np.nan + 0j), "NaN"), (np.zeros((1, 3), complex), "even")):
+        refused([word], Layout().words, wrong, 1.0, error=RecordingError)
 
 
 def test_every_int16_round_trips():
@@ -52,8 +54,3 @@ def test_every_int16_round_trips():
     iq = Layout().samples(counts, (1, 256, 2, 2, 32))
     for scale in (1.0, 3.1e-9):
         assert Layout().words(iq * np.float32(scale), scale)[0].tobytes() == counts.tobytes()
-
-
-@pytest.mark.parametrize(("iq", "word"), [(np.full((1, 2), np.nan + 0j), "NaN"), (np.zeros((1, 3), complex), "even")])
-def test_invalid_samples_are_refused(iq, word):
-    refused([word], Layout().words, iq, 1.0, error=RecordingError)

@@ -1,24 +1,19 @@
-"""Compare the named radars with the published layouts of their boards, and the beams of a simulated sphere with closed forms."""
-
-import dataclasses
+"""Compare the named radars with the published layouts and timings of their boards."""
 
 import numpy as np
 import pytest
 
-import radartwin as rt
 from radartwin.builders.radar import named_radar
-from radartwin.radar.angles import azimuth_spectrum
 from radartwin.radar.boards import MMWCAS_RF_EVM
-from radartwin.radar.detection import detect
-from radartwin.radar.processing import azimuth_row, range_fft
-from radartwin.scene import objects
+from radartwin.radar.processing import azimuth_row
 
 C = 299_792_458.0
 # Places of the antennas of the MMWCAS-RF-EVM in half wavelengths at 76.8 GHz, as TI's processing example lists them by TX and RX number.
 CASCADE_TX_AZIMUTH = [11, 10, 9, 32, 28, 24, 20, 16, 12, 8, 4, 0]
 CASCADE_TX_ELEVATION = [6, 4, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0]
 CASCADE_RX_AZIMUTH = [11, 12, 13, 14, 50, 51, 52, 53, 46, 47, 48, 49, 0, 1, 2, 3]
-SPHERE = rt.Scene([rt.Surface(objects.sphere(0.05), "metal", "ball")])
+
+
 # Number of channels, of channels in the azimuth row and of their different places, and the design frequency of the half wavelength.
 ARRAYS = {"iwr1843": (8, 8, 8, 77e9), "iwr6843": (12, 8, 8, 62e9), "awr2243_cascade": (192, 144, 86, 76.8e9)}
 
@@ -36,7 +31,7 @@ def test_azimuth_row_is_a_filled_half_wavelength_line(name):
     np.testing.assert_allclose(np.diff(y), 1.0, atol=1e-5)  # rounded to 1e-6 above
 
 
-def test_cascade_has_the_published_places_and_fires_from_tx12_down_to_tx1():
+def test_boards_have_the_published_places_and_the_cascade_fires_from_tx12_down_to_tx1():
     """TI's Cascade_Configuration_MIMO.lua sends chirps 0 to 11 with TX2, TX1, TX0 of device 4, then of devices 3, 2 and 1. Transmitter k of
     device d is TX 3 (d - 1) + k + 1 of the board.
     """
@@ -49,13 +44,10 @@ def test_cascade_has_the_published_places_and_fires_from_tx12_down_to_tx1():
     np.testing.assert_allclose(rx[:, 1] - rx[12, 1], CASCADE_RX_AZIMUTH, atol=1e-9)
     assert not tx[:, 0].any()
     assert not rx[:, [0, 2]].any()
-
-
-def test_isk_has_a_raised_middle_transmitter():
-    radar, wavelength = named_radar("iwr6843"), C / 62e9
-    np.testing.assert_allclose(np.diff(radar.tx_positions[:, 1]), wavelength, rtol=1e-9)
-    np.testing.assert_allclose(radar.tx_positions[:, 2], [0, wavelength / 2, 0], atol=1e-12)
-    np.testing.assert_allclose(np.diff(radar.rx_positions[:, 1]), wavelength / 2, rtol=1e-9)
+    isk, wavelength = named_radar("iwr6843"), C / 62e9
+    np.testing.assert_allclose(np.diff(isk.tx_positions[:, 1]), wavelength, rtol=1e-9)
+    np.testing.assert_allclose(isk.tx_positions[:, 2], [0, wavelength / 2, 0], atol=1e-12)
+    np.testing.assert_allclose(np.diff(isk.rx_positions[:, 1]), wavelength / 2, rtol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -77,33 +69,3 @@ def test_resolution_and_speed_follow_from_the_waveform(name, first_hz, bandwidth
     assert radar.velocity_resolution_mps == pytest.approx(wavelength / (2 * radar.num_chirps * transmitters * chirp_s), rel=1e-12)
     assert band_hz[0] <= radar.start_frequency_hz
     assert radar.start_frequency_hz + radar.sampled_bandwidth_hz <= band_hz[1]
-
-
-@pytest.mark.parametrize(("name", "distance_m"), [("iwr1843", 8.0), ("iwr6843", 8.0), ("awr2243_cascade", 14.0)])
-def test_beam_of_a_sphere_is_the_array_factor(name, distance_m):
-    """The array factor is a product of sums over transmitters and receivers of the row, here from the published places in half wavelengths.
-    At 14 m, the phase of the outermost element of the cascade has an error of 0.1 rad; the single-chip arrays are 10 times smaller.
-    """
-    radar = dataclasses.replace(named_radar(name), element="isotropic", num_chirps=1)
-    pose = np.eye(4)
-    pose[0, 3] = -distance_m
-    profiles, range_m = range_fft(rt.simulate(SPHERE, radar, pose[None]).iq, radar)
-    strongest = int((np.abs(profiles) ** 2).mean(axis=(0, 1, 2, 3)).argmax())
-    assert range_m[strongest] == pytest.approx(distance_m - 0.05, abs=radar.range_resolution_m / 2)
-    angles = np.radians(np.linspace(-20, 20, 2001))
-    power = azimuth_spectrum(profiles[0, ..., strongest].mean(axis=0)[None], radar, angles)
-    tx = CASCADE_TX_AZIMUTH[3:] if name == "awr2243_cascade" else [0, 4]
-    rx = CASCADE_RX_AZIMUTH if name == "awr2243_cascade" else [0, 1, 2, 3]
-    phase = np.pi * np.sin(angles)[:, None] * radar.center_frequency_hz / ARRAYS[name][3]
-    factor = np.abs(np.exp(1j * phase * tx).mean(axis=1) * np.exp(1j * phase * rx).mean(axis=1)) ** 2
-    np.testing.assert_allclose(power / power.max(), factor, atol=0.02)
-
-
-def test_speed_folds_at_the_limit_of_twelve_transmitters():
-    """A sphere that recedes at 1.3 times the unambiguous speed appears at -0.7 times this speed, because Doppler frequencies repeat."""
-    radar = dataclasses.replace(named_radar("awr2243_cascade"), rx_positions_m=((0.0, 0.0, 0.0), (0.0, 0.002, 0.0)), frame_rate_hz=20.0)
-    limit = C / (radar.start_frequency_hz + radar.sampled_bandwidth_hz / 2) / (4 * 12 * 45e-6)
-    poses = np.repeat(np.eye(4)[None], 2, axis=0)
-    poses[:, 0, 3] = -4.0, -4.0 - 1.3 * limit / radar.frame_rate_hz
-    peaks = detect(rt.simulate(SPHERE, radar, poses).iq, radar)
-    assert peaks.velocity_mps[0] == pytest.approx(-0.7 * limit, abs=radar.velocity_resolution_mps / 4)

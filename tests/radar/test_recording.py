@@ -7,8 +7,7 @@ import threading
 
 import numpy as np
 import pytest
-from made_files import edit_json, refused
-from numpy.typing import NDArray
+from made_files import edit_json, noise, refused
 
 from radartwin.errors import MissingError, OutputError, RecordingError
 from radartwin.io import files
@@ -20,19 +19,13 @@ RADAR = dataclasses.replace(Radar.iwr1843(), num_samples=64, num_chirps=8)
 SHAPE = (3, 8, 2, 4, 64)
 
 
-def _noise(seed: int = 0, amplitude: float = 1e-5) -> NDArray[np.complex64]:
-    rng = np.random.default_rng(seed)
-    return (amplitude * (rng.normal(size=SHAPE) + 1j * rng.normal(size=SHAPE))).astype(np.complex64)
+IQ = noise(RADAR, frames=3).iq
+POSES = np.tile(np.eye(4), (3, 1, 1))
+POSES[:, 0, 3] = np.linspace(0, 1 / 3, 3)
 
 
-def _poses(frames: int) -> np.ndarray:
-    poses = np.tile(np.eye(4), (frames, 1, 1))
-    poses[:, 0, 3] = np.linspace(0, 1 / 3, frames)
-    return poses
-
-
-def test_load_returns_counts_times_scale_and_save_writes_the_same_bytes(tmp_path):
-    recording = Recording(_noise(), RADAR, _poses(3), provenance={"scene": "lab"})
+def test_load_returns_counts_times_scale_and_save_writes_the_same_bytes_in_either_order(tmp_path):
+    recording = Recording(IQ, RADAR, POSES, provenance={"scene": "lab"})
     assert recording.save(tmp_path / "a") == 0
     described = json.loads((tmp_path / "a.json").read_text())
     counts = np.frombuffer((tmp_path / "a.bin").read_bytes(), "<i2").reshape(-1, 2, 2)
@@ -43,48 +36,33 @@ def test_load_returns_counts_times_scale_and_save_writes_the_same_bytes(tmp_path
     assert Radar.from_dict(described["radar"]) == RADAR
     assert loaded.radar == RADAR
     assert loaded.provenance == {"scene": "lab"}
-    np.testing.assert_array_equal(loaded.sensor_poses, _poses(3))
+    np.testing.assert_array_equal(loaded.sensor_poses, POSES)
     loaded.save(str(tmp_path / "sub" / "b"))
     assert (tmp_path / "sub" / "b.bin").read_bytes() == (tmp_path / "a.bin").read_bytes()
     assert (tmp_path / "sub" / "b.json").read_bytes() == (tmp_path / "a.json").read_bytes()
+    loaded.save(tmp_path / "run.0.5m", iq_swapped=True)
+    assert sorted(p.name for p in tmp_path.glob("run*")) == ["run.0.5m.bin", "run.0.5m.json"]
+    np.testing.assert_array_equal(np.frombuffer((tmp_path / "run.0.5m.bin").read_bytes(), "<i2").reshape(-1, 2, 2), counts[:, ::-1])
+    for name in ("run.0.5m", "run.0.5m.bin", "run.0.5m.json"):
+        again = Recording.load(tmp_path / name)
+        assert again.iq_swapped
+        np.testing.assert_array_equal(again.iq, loaded.iq)
 
 
 @pytest.mark.parametrize("real", [False, True])
-def test_without_a_hardware_model_the_peak_is_near_half_of_full_scale(tmp_path, real):
-    iq = _noise().real + 0j if real else _noise()
+def test_the_peak_is_near_half_of_full_scale_unless_a_scale_is_given(tmp_path, real):
+    iq = IQ.real + 0j if real else IQ
     recording = Recording(iq, dataclasses.replace(RADAR, real_sampling=real))
     recording.save(tmp_path / "a")
     counts = np.frombuffer((tmp_path / "a.bin").read_bytes(), "<i2")
     assert counts.size == np.prod(SHAPE) * (1 if real else 2)
     assert 0.45 * 32767 < np.abs(counts).max() < 0.55 * 32767
     assert np.abs(Recording.load(tmp_path / "a").iq - recording.iq).max() <= recording.scale
-
-
-def test_given_scale_is_kept_and_clipped_values_are_counted(tmp_path):
-    iq = _noise()
-    counts = np.rint(np.stack([iq.real, iq.imag]).astype(np.float32) / 1e-9)
-    clipped = int(np.count_nonzero((counts > 32767) | (counts < -32768)))
-    recording = Recording(iq, RADAR, scale=1e-9)
-    assert recording.save(tmp_path / "a") == clipped > 0
-    assert Recording.load(tmp_path / "a").saturated == clipped
-    assert json.loads((tmp_path / "a.json").read_text())["scale"] == 1e-9
-
-
-def test_swapped_order_changes_the_file_and_not_the_samples(tmp_path):
-    Recording(_noise(), RADAR).save(tmp_path / "a")
-    Recording(_noise(), RADAR).save(tmp_path / "b", iq_swapped=True)
-    a, b = (np.frombuffer((tmp_path / f"{n}.bin").read_bytes(), "<i2").reshape(-1, 2, 2) for n in "ab")
-    np.testing.assert_array_equal(a, b[:, ::-1])
-    loaded = Recording.load(tmp_path / "b")
-    assert loaded.iq_swapped
-    np.testing.assert_array_equal(loaded.iq, Recording.load(tmp_path / "a").iq)
-
-
-def test_name_with_dots_may_have_either_suffix_or_none(tmp_path):
-    Recording(np.zeros(SHAPE, np.complex64), RADAR).save(tmp_path / "run.0.5m")
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["run.0.5m.bin", "run.0.5m.json"]
-    for name in ("run.0.5m", "run.0.5m.bin", "run.0.5m.json"):
-        assert Recording.load(tmp_path / name).num_frames == 3
+    rounded = np.rint(np.stack([iq.real, iq.imag]).astype(np.float32) / 1e-9)
+    clipped = int(np.count_nonzero((rounded > 32767) | (rounded < -32768)))
+    assert Recording(iq, recording.radar, scale=1e-9).save(tmp_path / "b") == clipped > 0
+    assert Recording.load(tmp_path / "b").saturated == clipped
+    assert json.loads((tmp_path / "b.json").read_text())["scale"] == 1e-9
 
 
 @pytest.mark.parametrize(
@@ -135,7 +113,7 @@ VALUES = [
 @pytest.mark.filterwarnings("error")
 def test_damaged_recording_is_refused_by_one_line_that_names_its_file(tmp_path, damage, error, words):
     stem = tmp_path / "a"
-    Recording(_noise(), RADAR, _poses(3)).save(stem)
+    Recording(IQ, RADAR, POSES).save(stem)
     edit_json(stem.with_suffix(".json"), **damage) if isinstance(damage, dict) else damage(stem)
     for load in (Recording.load, load_capture):
         refused(words, load, stem, error=error)
@@ -143,14 +121,14 @@ def test_damaged_recording_is_refused_by_one_line_that_names_its_file(tmp_path, 
 
 def test_unwritable_folder_is_named_and_no_file_remains(tmp_path):
     (tmp_path / "file").write_text("not a folder")
-    refused(["file"], Recording(_noise(), RADAR).save, tmp_path / "file" / "a", error=OutputError)
+    refused(["file"], Recording(IQ, RADAR).save, tmp_path / "file" / "a", error=OutputError)
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
 
 
 def test_failed_save_leaves_the_older_recording_unchanged(tmp_path):
-    Recording(_noise(), RADAR).save(tmp_path / "a")
+    Recording(IQ, RADAR).save(tmp_path / "a")
     before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
-    broken = _noise()
+    broken = IQ.copy()
     broken[2, 7, 1, 3, 63] = np.nan
     refused(["NaN"], Recording(broken, RADAR, scale=1e-9).save, tmp_path / "a", error=RecordingError)
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
@@ -229,7 +207,7 @@ def test_order_of_i_and_q_follows_from_the_receive_filter(tmp_path):
 
 def test_files_of_other_programs_are_refused_and_own_recordings_are_not(tmp_path):
     refuse_foreign(tmp_path / "new")
-    Recording(_noise(), RADAR, _poses(3)).save(tmp_path / "own")
+    Recording(IQ, RADAR, POSES).save(tmp_path / "own")
     refuse_foreign(tmp_path / "own")
     (tmp_path / "capture.bin").write_bytes(b"samples")
     for text in ("", "{}", "[1]", '{"format": "another"}', '{"format": 1}'):

@@ -48,9 +48,7 @@ def test_power_backoff_and_real_sampling_are_read(tmp_path):
 
 @pytest.mark.parametrize(("start_ghz", "tx_mask", "spacing_m"), [(60, 5, 2 * C / 62e9), (77, 5, 2 * C / 77e9), (77, 3, 2 * C / 77e9)])
 def test_board_follows_from_carrier_and_enabled_transmitters(tmp_path, start_ghz, tx_mask, spacing_m):
-    """The carrier frequency and the enabled transmitters of a radar file identify the boards IWR6843ISK, IWR1843BOOST and IWR1642BOOST. On
-    each board, the outer azimuth transmitters are two wavelengths apart.
-    """
+    """On the boards IWR6843ISK, IWR1843BOOST and IWR1642BOOST, the outer azimuth transmitters are two wavelengths apart."""
     changes = {"profileCfg 0 77": f"profileCfg 0 {start_ghz}", "channelCfg 15 5": f"channelCfg 15 {tx_mask}"}
     radar = read(tmp_path, *changes.items(), ("0 0 0 0 0 4", f"0 0 0 0 0 {tx_mask - 1}"))
     assert np.ptp(radar.tx_positions[:, 1]) == pytest.approx(spacing_m, rel=1e-9)

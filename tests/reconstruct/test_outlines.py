@@ -9,25 +9,19 @@ from built_rooms import DOOR, EDGE_M, SIZE, WINDOW, H, L, W, X, Y, Z, block, inn
 from shapely import Polygon
 
 from experiments.scans.segment_score import score_scene
-from radartwin.benchmark.signal_error import profiles
 from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
-from radartwin.radar.processing import decibels
 from radartwin.reconstruct.build import ScanOptions, reconstruct
 from radartwin.reconstruct.outlines import meeting_planes
 from radartwin.reconstruct.outlines.assembly import ERROR_M, simplified
 from radartwin.reconstruct.outlines.complete import complete
 from radartwin.reconstruct.outlines.flatten import regular
-from radartwin.reconstruct.outlines.seen_points import Cameras, Sight
+from radartwin.reconstruct.outlines.seen_points import Cameras
 from radartwin.reconstruct.outlines.surfaces import flattened
-from radartwin.reconstruct.segmentation import masks
 from radartwin.reconstruct.segmentation.grid import Grid
 from radartwin.reconstruct.segmentation.segment import segmented
 from radartwin.scene.rooms import rectangle
-from radartwin.scene.scene import Scene, Surface
-from radartwin.scene.trajectories.trajectory import look_at
 from radartwin.simulation.backends.static_scene import static_scene
-from radartwin.simulation.simulate import simulate
 
 
 def test_noisy_room_becomes_six_rectangles_with_shared_corners(tmp_path):
@@ -89,20 +83,6 @@ def test_faces_of_a_narrow_pilaster_end_at_each_other_and_at_the_wall(tmp_path):
     assert sum(s.mesh.area for s in scene) == pytest.approx(2 * (L * W + L * H + W * H) + (wide + 2 * deep) * H, abs=1e-3)
 
 
-@pytest.mark.slow
-def test_box_and_its_reconstruction_have_the_same_range_profiles(tmp_path):
-    box = trimesh.creation.box((4, 3, 2.5)).apply_transform(trimesh.transformations.rotation_matrix(np.radians(17), Z))
-    box.invert()
-    scene = reconstruct(saved(box, tmp_path), options=ScanOptions(up="z"), material="concrete")
-    radar, original = Radar.iwr1843(), Scene([Surface(box, "concrete", "box", role="room")])
-    for x, y in itertools.product((-0.8, 0.0, 0.9), repeat=2):
-        pose = look_at([x, y, 0.1 * x], [2.0, 1.0, 0.2])[None]
-        level_db, original_db = (decibels(profiles(simulate(room, radar, pose).iq, radar)) for room in (scene, original))
-        error_db = (level_db - original_db)[original_db > original_db.max() - 30]
-        assert np.sqrt(np.mean(error_db**2)) < 0.5
-        assert np.abs(error_db).max() < 1.5
-
-
 @pytest.mark.parametrize("edge_m", [9.0, EDGE_M])
 def test_doorway_of_a_mesh_stays_open_and_a_window_closes_with_a_line(tmp_path, capsys, edge_m):
     """The mesh has few large triangles, as from a modelling program, or many small triangles."""
@@ -113,13 +93,6 @@ def test_doorway_of_a_mesh_stays_open_and_a_window_closes_with_a_line(tmp_path, 
     assert wall.mesh.area == pytest.approx(W * H - 0.9 * 2.0, abs=1e-3)
     assert sum(s.mesh.area for s in scene) == pytest.approx(2 * (L * W + L * H + W * H) - 0.9 * 2.0, abs=2e-3)
     assert "closed 0.0 m2 of gaps in which the scan shows nothing; 1 framed gap became panes of glass" in capsys.readouterr().err
-
-
-def test_doorway_behind_a_cabinet_is_filled_with_a_line(tmp_path, capsys):
-    pieces = [rectangle(*side, openings=[DOOR] if k == 3 else []) for k, side in enumerate(inner_sides(SIZE))]
-    cabinet = block((0.4, 1.2, 1.8), [L - 1.0, DOOR[0] + DOOR[2] / 2, 0.9])
-    reconstruct(saved(scan([*pieces, cabinet]), tmp_path), options=ScanOptions(up="z"), progress=Progress())
-    assert "m2 of surfaces behind other surfaces; an opening behind an object is closed, too" in capsys.readouterr().err
 
 
 def test_planes_become_regular_only_within_the_noise():
@@ -214,20 +187,6 @@ def test_window_next_to_a_hidden_part_of_the_wall_becomes_a_pane():
     assert [float(p.area) for p in panes] == [pytest.approx(1.2, rel=0.1)]
 
 
-def test_largest_rectangle_matches_exhaustive_search():
-    mask = np.random.default_rng(3).random((9, 11)) < 0.7
-    best = max(
-        (a1 - a0) * (b1 - b0)
-        for a0, a1 in itertools.combinations(range(10), 2)
-        for b0, b1 in itertools.combinations(range(12), 2)
-        if mask[a0:a1, b0:b1].all()
-    )
-    rectangle_cells = mask[masks.largest_rectangle(mask)]
-    assert rectangle_cells.all()
-    assert rectangle_cells.size == best
-    assert mask[masks.largest_rectangle(np.zeros_like(mask))].size == 0
-
-
 def test_gaps_of_floors_are_filled_without_panes():
     grid = Grid(Z, 0.0, np.eye(3)[:2], np.zeros(2), (100, 100), 0.02)
     mask = np.ones(grid.shape, dtype=bool)
@@ -237,17 +196,6 @@ def test_gaps_of_floors_are_filled_without_panes():
     assert completed.mask.all()
     assert not completed.panes
     assert completed.filled_m2 == pytest.approx(0.36)
-
-
-def test_screen_blocks_lines_of_sight():
-    wall, screen = (sheet([x, 0, 0], Y, Z, (3, 2.5)).triangles_center for x in (0.0, 1.0))
-    floor = sheet([0, 0, 0], X, Y, (4, 3)).triangles_center
-    place = np.array([[0.0, 1.5, 1.2]])
-    assert Sight.of(np.vstack([wall, floor])).seen(place, X)[0] > 5
-    hidden = Sight.of(np.vstack([wall, screen, floor]))
-    beyond = hidden.viewpoints[:, 0] > 1.1
-    assert beyond.any()
-    assert hidden.seen(place, X)[0] <= (~beyond).sum()
 
 
 def test_parts_are_simplified_within_the_stated_error():

@@ -1,13 +1,11 @@
 """Test the files that a reconstruction writes, and the error messages for scans that cannot be used."""
 
-import time
-import warnings
 from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
-from built_rooms import WINDOW, coloured, modelled, saved, scan, shell, truth, with_door
+from built_rooms import WINDOW, coloured, saved, scan, shell, truth, with_door
 from made_files import refused
 from PIL import Image
 from trimesh.visual import TextureVisuals
@@ -16,11 +14,6 @@ from trimesh.visual.material import PBRMaterial
 from radartwin.errors import MissingError, OutputError
 from radartwin.label.photos import load_textured
 from radartwin.reconstruct.build import FACE_SURFACES_FILE, MESH_FILE, ScanOptions, distinct_views, reconstruct, summary
-from radartwin.reconstruct.outlines.assembly import assembled
-from radartwin.reconstruct.outlines.surfaces import flattened
-from radartwin.reconstruct.scan_file import load_scan
-from radartwin.reconstruct.segmentation.colour import face_colours
-from radartwin.reconstruct.segmentation.segment import segmented
 from radartwin.scene.mesh_file import TO_Z_UP
 from radartwin.scene.scene import Scene
 
@@ -64,29 +57,6 @@ def test_the_pictures_of_a_scan_file_are_kept_in_the_coordinates_of_the_scene(tm
     assert load_textured(tmp_path / "out") is None, "a scan without pictures leaves no pictures of an earlier scan"
 
 
-@pytest.mark.slow
-def test_room_of_many_planes_takes_at_most_four_minutes_and_says_so_early():
-    """The times are of the processor, because the machine may be shared."""
-    mesh = modelled()
-    began = time.process_time()
-    segments = segmented(mesh)
-    planes = sum(s.normal is not None for s in segments)
-    assert len(mesh.faces) > 65_000
-    assert planes > 1300
-    times = []
-
-    def over(numbers):
-        for number in numbers:
-            times.append(time.process_time())
-            yield number
-
-    assembled(mesh, flattened(mesh, segments, over=over), "plasterboard")
-    assert time.process_time() - began < 240
-    early = next(k for k, t in enumerate(times) if t - times[0] > 5)
-    estimate = (times[early] - times[0]) / early * len(times)  # as `Progress` computes it
-    assert 0.5 < estimate / (times[-1] - times[0]) < 2
-
-
 def test_interrupted_write_leaves_no_scene(tmp_path, monkeypatch):
     truth().save(tmp_path / "out")
 
@@ -107,35 +77,17 @@ def test_saved_photographs_are_the_most_distinct_views():
     assert distinct_views(poses[16:18], 40) == [0, 1]
 
 
-@pytest.mark.parametrize("name", ["room.mtl", "other.mtl"])
-def test_missing_texture_or_material_file_gives_one_warning_and_no_colours(name, tmp_path):
-    (tmp_path / name).write_text("newmtl a\nmap_Kd gone.png\n")
-    mesh = scan(shell())
-    lines = ["mtllib room.mtl", "usemtl a", *(f"v {x} {y} {z}" for x, y, z in mesh.vertices), "vt 0 0"]
-    lines += [f"f {a + 1}/1 {b + 1}/1 {c + 1}/1" for a, b, c in mesh.faces]
-    (tmp_path / "room.obj").write_text("\n".join(lines) + "\n")
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        loaded, _ = load_scan(tmp_path / "room.obj")
-    assert len([w for w in caught if "texture" in str(w.message)]) == 1
-    assert len(loaded.faces) == len(mesh.faces)
-    assert face_colours(loaded) is None
-
-
-@pytest.mark.parametrize("name", ["scan.ply", "scene.glb", "sub/room.ply"])
-def test_scan_in_the_output_folder_is_refused_and_kept(tmp_path, name):
-    (tmp_path / "s" / "sub").mkdir(parents=True)
-    path = saved(trimesh.creation.box((5, 4, 2.4)), tmp_path / "s", name)
-    content = path.read_bytes()
-    words = [f"s: the folder contains the scan {path}; choose another folder for --out"]
-    refused(words, reconstruct, path, tmp_path / "s", options=ScanOptions(up="z"), error=OutputError)
-    assert [file for file in (tmp_path / "s").rglob("*") if file.is_file()] == [path]
-    assert path.read_bytes() == content
-
-
 def test_only_a_scene_that_radartwin_wrote_is_replaced(tmp_path):
     path, out = saved(trimesh.creation.box((5, 4, 2.4)), tmp_path), tmp_path / "out"
-    out.mkdir()
+    (out / "sub").mkdir(parents=True)
+    for name in ("scan.ply", "scene.glb", "sub/room.ply"):
+        inside = saved(trimesh.creation.box((5, 4, 2.4)), out, name)
+        content = inside.read_bytes()
+        words = [f"out: the folder contains the scan {inside}; choose another folder for --out"]
+        refused(words, reconstruct, inside, out, options=ScanOptions(up="z"), error=OutputError)
+        assert [file for file in out.rglob("*") if file.is_file()] == [inside]
+        assert inside.read_bytes() == content
+        inside.unlink()
     (out / "scan.ply").symlink_to(path)
     refused(["the folder contains the scan"], reconstruct, path, out, error=OutputError)
     (out / "scan.ply").unlink()

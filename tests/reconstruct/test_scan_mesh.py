@@ -40,8 +40,7 @@ def in_frame(vertices, up):
     return {"z": np.stack([x, y, z], 1), "y": np.stack([x, z, -y], 1), "x": np.stack([z, x, y], 1)}[up[-1]]
 
 
-@pytest.mark.parametrize("up", ["x", "y", "z", "-x", "-y", "-z"])
-@pytest.mark.parametrize("suffix", [".glb", ".ply", ".obj", ".stl"])
+@pytest.mark.parametrize(("up", "suffix"), [("x", ".glb"), ("y", ".ply"), ("z", ".obj"), ("-x", ".stl"), ("-y", ".glb"), ("-z", ".ply")])
 def test_up_axis_is_found_or_given_and_handedness_kept(tmp_path, up, suffix):
     mesh = room()
     path = tmp_path / f"room{suffix}"
@@ -156,11 +155,8 @@ def test_a_scan_as_people_have_it_is_read(name):
         assert np.unique(visual.vertex_colors, axis=0).tolist() == [[220, 30, 30, 255]]
 
 
-def test_both_halves_of_a_partly_compressed_scan_are_read():
+def test_partly_compressed_scans_are_read_whole_and_survey_coordinates_kept_in_a_saved_scene(tmp_path):
     assert loaded(field("mesh/draco_part.glb"), "y")[1].area_m2 == pytest.approx(2 * 60.87, abs=0.06)
-
-
-def test_survey_coordinates_keep_the_room_through_a_saved_scene(tmp_path):
     reconstruct(field("geo/utm.obj"), tmp_path / "utm")
     room = Scene.load(tmp_path / "utm")
     assert room.provenance["offset_m"] == [452317, 5411893, 114]
@@ -278,9 +274,12 @@ def test_a_hall_with_other_numbers_is_read(name, tmp_path):
     assert [line.endswith("is read without 1 row of edge") for line in said] == [True] * name.endswith("ply")
 
 
-def test_a_fan_of_triangles_is_read(tmp_path):
+def test_fans_are_read_and_deformed_and_hidden_parts_named(tmp_path):
     write_glb(tmp_path / "fan.glb", [POINTS[[0, 1, 2, 7]], np.arange(4, dtype="u1")], {"mode": 6})
     assert next(iter(read_meshes(tmp_path / "fan.glb").values())).area == pytest.approx(38.5)
+    write_glb(tmp_path / "a.glb", HALL, {"targets": [{"POSITION": 0}]}, extensionsUsed=["KHR_node_visibility"])
+    with pytest.warns(MeshWarning, match=r"morph targets.*KHR_node_visibility"):
+        read_meshes(tmp_path / "a.glb")
 
 
 RED, GREEN, BLUE = (200, 0, 0), (0, 200, 0), (0, 0, 200)
@@ -344,12 +343,6 @@ def test_normalised_texture_coordinates_find_their_colours(tmp_path):
 
 
 HALL = [POINTS, TRIANGLES.ravel()]
-
-
-def test_deformed_and_hidden_parts_are_named(tmp_path):
-    write_glb(tmp_path / "a.glb", HALL, {"targets": [{"POSITION": 0}]}, extensionsUsed=["KHR_node_visibility"])
-    with pytest.warns(MeshWarning, match=r"morph targets.*KHR_node_visibility"):
-        read_meshes(tmp_path / "a.glb")
 
 
 # Poses in the coordinates of the scan.

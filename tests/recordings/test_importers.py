@@ -85,7 +85,7 @@ def test_lost_packets_are_reported_and_stored(tmp_path: Path) -> None:
     assert "2 of 300 frames have lost samples" in str(report.notes[0])
 
 
-def test_missing_frames_and_a_missing_log_are_reported(tmp_path: Path) -> None:
+def test_missing_frames_and_a_missing_log_are_reported_and_the_only_log_is_used(tmp_path: Path) -> None:
     source = capture(tmp_path / "raw", frames=4)
     source.write_bytes(source.read_bytes()[: 3 * FRAME])
     recording, _, notes = read_capture(source)
@@ -94,6 +94,12 @@ def test_missing_frames_and_a_missing_log_are_reported(tmp_path: Path) -> None:
     _, columns, notes = read_capture(capture(tmp_path, log=False))
     assert columns == {}
     assert ["no LogFile.csv" in note for note in notes] == [True, False]
+    first, second = capture(tmp_path / "two", "one"), capture(tmp_path / "two", "two")
+    assert find_log(first) == first.with_name("one_LogFile.csv")
+    second.with_name("two_LogFile.csv").unlink()
+    assert find_log(second) is None
+    first.unlink()
+    assert find_log(second) == first.with_name("one_LogFile.csv")  # the only capture and the only log
 
 
 def test_incomplete_last_frame_is_refused_or_dropped_on_request(tmp_path: Path) -> None:
@@ -134,15 +140,6 @@ def test_parts_of_a_capture_become_one_recording(tmp_path: Path) -> None:
     refused(words, load_capture, tmp_path / "raw" / "mug_Raw_0.bin", error=MissingError)
     np.save(tmp_path / "raw" / "cube_Raw_0.npy", np.ones(3))
     assert find_captures(tmp_path / "raw" / "cube_Raw_0.npy") == [tmp_path / "raw" / "cube_Raw_0.npy"]
-
-
-def test_capture_uses_its_own_log_or_the_only_log(tmp_path: Path) -> None:
-    first, second = capture(tmp_path, "one"), capture(tmp_path, "two")
-    assert find_log(first) == tmp_path / "one_LogFile.csv"
-    (tmp_path / "two_LogFile.csv").unlink()
-    assert find_log(second) is None
-    first.unlink()
-    assert find_log(second) == tmp_path / "one_LogFile.csv"  # the only capture and the only log
 
 
 @pytest.fixture
@@ -222,14 +219,6 @@ def test_mapping_skips_captures_without_an_entry(campaign: Path) -> None:
     assert examine(made.folder).problems == []
 
 
-def test_values_that_contradict_the_card_are_refused(tmp_path: Path) -> None:
-    source = capture(tmp_path / "raw")
-    for _ in range(2):
-        import_captures(source, tmp_path / "set", {**CARD, **MUG})
-    words = ["card.yaml has licence=MIT, not private"]
-    refused(words, import_captures, source, tmp_path / "set", {**MUG, "licence": "private"}, error=InputError)
-
-
 MISTAKES = {
     "an entry without a capture": ([Entry("bottle*", MUG)], "no capture matches 'bottle\\*' of the mapping; there are can_0.5m/run1.bin"),
     "a column twice in a pattern": ([Entry("{object}_{object}m/run1", MUG)], "object"),
@@ -247,12 +236,6 @@ def test_invalid_mapping_is_refused_before_a_capture_is_read(campaign: Path, ent
     with pytest.raises(UserError, match=words):
         import_captures(campaign / "raw", campaign / "set", CARD, CaptureMap(entries=entries))
     assert not (campaign / "set").exists()
-
-
-def test_incomplete_card_is_refused_before_the_set_is_created(tmp_path: Path) -> None:
-    words = ("licence is missing", "sensor is missing", "when is missing")
-    refused(words, import_captures, capture(tmp_path / "raw"), tmp_path / "set", {**MUG, "who": "A. Researcher"}, error=InputError)
-    assert not (tmp_path / "set").exists()
 
 
 def test_recordings_keep_their_poses_and_scale(tmp_path: Path) -> None:
@@ -283,9 +266,16 @@ def test_cube_of_amplitudes_is_scaled_and_cube_of_counts_is_kept(tmp_path: Path)
     np.testing.assert_array_equal(made.read(added[0]).iq.reshape(cube.shape), np.rint(1e9 * cube))
 
 
-def test_missing_captures_and_malformed_values_are_refused(tmp_path: Path) -> None:
+def test_missing_captures_wrong_cards_and_malformed_values_are_refused(tmp_path: Path) -> None:
     refused(["no such capture"], import_captures, tmp_path / "nowhere.bin", tmp_path / "set", error=MissingError)
     refused(["no .bin and no .npy"], find_captures, tmp_path, error=MissingError)
     assert key_values(["object=mug", "notes=a=b"]) == {"object": "mug", "notes": "a=b"}
     for words, message in ((["mug"], "'mug' is not"), (["=mug"], "'=mug' is not"), (["object=mug", "object=can"], "twice, as mug and can")):
         refused([message], key_values, words, error=InputError)
+    source, absent = capture(tmp_path / "raw"), ("licence is missing", "sensor is missing", "when is missing")
+    refused(absent, import_captures, source, tmp_path / "set", {**MUG, "who": "A. Researcher"}, error=InputError)
+    assert not (tmp_path / "set").exists()
+    for _ in range(2):
+        import_captures(source, tmp_path / "set", {**CARD, **MUG})
+    other = {**MUG, "licence": "private"}
+    refused(["card.yaml has licence=MIT, not private"], import_captures, source, tmp_path / "set", other, error=InputError)

@@ -99,17 +99,7 @@ def test_invalid_row_is_refused_without_writing(bench: RecordingSet, given: Row,
     assert files(bench.folder) == before
 
 
-def test_radars_may_differ_in_name_only(bench: RecordingSet) -> None:
-    """mmWave Studio writes a description for each capture that contains the name of the capture, so the radars of a recording set may
-    differ in name.
-    """
-    bench.add(noise(dataclasses.replace(RADAR, name="run_7")), row("b", repetition=8))
-    assert not [problem for problem in examine(bench.folder).problems if "radar" in str(problem)]
-    other = noise(dataclasses.replace(RADAR, num_chirps=4))
-    refused(["radar of a ", "num_chirps 4 instead of 8"], bench.add, other, row("a", repetition=7), error=RecordingError)
-
-
-def test_create_opens_an_existing_set_and_refuses_another_card(bench: RecordingSet, tmp_path: Path) -> None:
+def test_create_opens_an_existing_set_and_refuses_another_card_radar_or_folder(bench: RecordingSet, tmp_path: Path) -> None:
     assert len(RecordingSet.create(bench.folder, CARD)) == 8
     noted = dataclasses.replace(CARD, name="007", when="2026-03-01 ", notes="two\nlines: # \n", extra={"room_height_m": 2.7})
     for _ in range(2):
@@ -119,18 +109,21 @@ def test_create_opens_an_existing_set_and_refuses_another_card(bench: RecordingS
     refused(["not empty"], create, tmp_path, CARD, error=OutputError)
     refused(["licence is missing"], create, tmp_path / "new", dataclasses.replace(CARD, licence=""), error=RecordingError)
     assert not (tmp_path / "new" / "card.yaml").exists()
-
-
-def test_folder_that_is_not_a_set_is_refused(tmp_path: Path) -> None:
-    refused(["no such folder"], RecordingSet.load, tmp_path / "nowhere", error=MissingError)
-    refused(["not a recording set, because it has no card.yaml"], RecordingSet.load, tmp_path, error=MissingError)
+    bench.add(noise(dataclasses.replace(RADAR, name="run_7")), row("b", repetition=8))  # as mmWave Studio names it after the capture
+    assert not [problem for problem in examine(bench.folder).problems if "radar" in str(problem)]
+    other = noise(dataclasses.replace(RADAR, num_chirps=4))
+    refused(["radar of a ", "num_chirps 4 instead of 8"], bench.add, other, row("a", repetition=7), error=RecordingError)
+    folder = tmp_path / "wrong"
+    refused(["no such folder"], RecordingSet.load, folder, error=MissingError)
+    folder.mkdir()
+    refused(["not a recording set, because it has no card.yaml"], RecordingSet.load, folder, error=MissingError)
     for text, message in (("- 1\n", "mapping"), ("name: [\n", "line 2")):
-        (tmp_path / "card.yaml").write_text(text)
-        refused([message], RecordingSet.load, tmp_path, error=RecordingError)
-    CARD.save(tmp_path)
-    refused(["no recordings yet"], lambda: RecordingSet.load(tmp_path).radar, error=MissingError)
-    (tmp_path / "index.csv").write_text("recording,object\n")
-    refused(["no column distance_m"], RecordingSet.load, tmp_path, error=RecordingError)
+        (folder / "card.yaml").write_text(text)
+        refused([message], RecordingSet.load, folder, error=RecordingError)
+    CARD.save(folder)
+    refused(["no recordings yet"], lambda: RecordingSet.load(folder).radar, error=MissingError)
+    (folder / "index.csv").write_text("recording,object\n")
+    refused(["no column distance_m"], RecordingSet.load, folder, error=RecordingError)
 
 
 def test_index_round_trips(tmp_path: Path) -> None:

@@ -158,17 +158,8 @@ def test_incomplete_end_can_be_dropped(tmp_path: Path, inside) -> None:
     assert next(RecordingSet.load(tmp_path / "set").recordings())[1].num_frames == FRAMES - 1
 
 
-def test_given_radar_replaces_the_configuration(tmp_path: Path, inside) -> None:
-    write_trace(tmp_path / "trace", echoes())
-    radar = roverd.radar_of(tmp_path / "trace")
-    (tmp_path / "trace/config.yaml").unlink()
-    (tmp_path / "radar.yaml").write_text(yaml.safe_dump({**json.loads(json.dumps(radar.to_dict())), "name": "aop"}))
-    assert inside("import", "trace", "--out", "set", "--radar", "radar.yaml", *ABOUT).returncode == 0
-    assert next(RecordingSet.load(tmp_path / "set").recordings())[1].radar.name == "aop"
-
-
-def test_cube_with_poses_is_imported(tmp_path: Path, inside) -> None:
-    """A cube as complex samples in .npy with a CSV of poses, and as int16 I and Q in .npz with poses."""
+def test_given_radar_reads_a_trace_and_cubes_with_poses(tmp_path: Path, inside) -> None:
+    """The cubes are complex samples in .npy with a CSV of poses, and int16 I and Q in .npz with poses."""
     iq = echoes()
     write_trace(tmp_path / "trace", iq)
     (tmp_path / "radar.yaml").write_text(yaml.safe_dump(json.loads(json.dumps(roverd.radar_of(tmp_path / "trace").to_dict()))))
@@ -179,9 +170,14 @@ def test_cube_with_poses_is_imported(tmp_path: Path, inside) -> None:
     lines = [f"{0.05 * n},{0.01 * n},0,0,0,0,0,1" for n in range(FRAMES)]
     (tmp_path / "poses.csv").write_text("\n".join(["t,x,y,z,qx,qy,qz,qw", *lines]))
     common = ("--out", "set", "--radar", "radar.yaml", "--frames", "1:5")
+    (tmp_path / "trace/config.yaml").unlink()  # the given radar replaces the configuration
+    assert inside("import", "trace", *common, *ABOUT, "repetition=2").returncode == 0
     assert inside("import", "complex.npy", *common, *ABOUT, "trajectory=poses.csv").returncode == 0
     assert inside("import", "pairs.npz", *common, *ABOUT, "repetition=1").returncode == 0
     assert inside("doctor", "--data", "set").returncode == 0
-    for _, recording in RecordingSet.load(tmp_path / "set").recordings():
+    recordings = [recording for _, recording in RecordingSet.load(tmp_path / "set").recordings()]
+    assert [recording.sensor_poses is None for recording in recordings] == [True, False, False]  # the trace has none
+    for recording in recordings:
         np.testing.assert_array_equal(recording.iq, iq[1:5])
+    for recording in recordings[1:]:
         np.testing.assert_allclose(np.asarray(recording.sensor_poses), poses[1:5], atol=1e-12)

@@ -143,6 +143,11 @@ def test_harmless_findings_are_notes(folder: Path) -> None:
     assert "recordings/a0: 0.00076 % of the samples are at full scale" in notes
     assert "recordings/left.bin: index.csv has no row for it" in notes
     assert len(report.notes) == 3
+    keys = ("format", "frames", "saturated", "provenance", "sensor_poses", "iq_swapped")
+    edit_json(folder / "recordings" / "a0.json", **dict.fromkeys(keys, ...))
+    assert problems(folder) == "", "these keys of a recording are optional"
+    empty = examine(RecordingSet.create(folder.parent / "empty", CARD).folder)
+    assert (empty.problems, "no recordings yet" in empty.notes[0]) == ([], True)
 
 
 def test_rare_packet_loss_that_the_log_reports_is_a_note(tmp_path: Path) -> None:
@@ -167,15 +172,3 @@ def test_zero_packets_are_found_at_any_start_and_shorter_runs_are_not() -> None:
             samples[start : start + length] = 0
             assert zero_filled_frames(recording) == frames, start
             samples[:] = original
-
-
-def test_set_without_recordings_is_a_note(tmp_path: Path) -> None:
-    RecordingSet.create(tmp_path / "set", CARD)
-    report = examine(tmp_path / "set")
-    assert (report.problems, "no recordings yet" in report.notes[0]) == ([], True)
-
-
-def test_optional_keys_of_a_recording_may_be_missing(folder: Path) -> None:
-    keys = ("format", "frames", "saturated", "provenance", "sensor_poses", "iq_swapped")
-    edit_json(folder / "recordings" / "a0.json", **dict.fromkeys(keys, ...))
-    assert problems(folder) == ""

@@ -181,19 +181,9 @@ def test_metadata_name_radar_version_and_scale(tmp_path):
     assert (values["version"], values["frames"], values["start_ns"]) == (rt.__version__, "3", str(START_NS))
     assert (values["unit"], values["floor_db"], values["pixels_per_db"]) == ("dB of transmitted power", "-200.0", "100.0")
     assert json.loads(values["provenance"]) == {"kind": "made by hand"}
-    axes = json.loads(values["axes"])
-    maps = power_maps(recording().iq[:1], RADAR)
-    assert axes["range_m"] == [maps.range_m[-1], maps.range_m[0]]
+    axes, maps = json.loads(values["axes"]), power_maps(recording().iq[:1], RADAR)
+    assert (axes["range_m"], axes["azimuth_deg"]) == ([maps.range_m[-1], maps.range_m[0]], [90, -90])
     assert axes["velocity_mps"] == [maps.velocity_mps[0], maps.velocity_mps[-1]]
-    assert axes["azimuth_deg"] == [90, -90]
-
-
-def test_captures_in_counts_have_a_higher_floor(tmp_path):
-    kept = recording(provenance={"unit": "counts"})
-    kept.iq *= 1e9
-    image = pixels(written(tmp_path, kept)["/radar/range_doppler"][0][1])
-    level = 10 * np.log10(power_maps(kept.iq[:1], RADAR).range_doppler.max())
-    assert image.max() / 100 - 20 == pytest.approx(level, abs=0.0051)
 
 
 def test_pictures_of_a_camera_lie_between_the_frames(tmp_path):
@@ -219,12 +209,16 @@ def test_radars_without_a_map_leave_it_out(tmp_path):
     assert np.isnan(points["velocity"]).all()
 
 
-def test_silent_frames_are_black(tmp_path):
+def test_silent_frames_are_black_and_counts_have_a_higher_floor(tmp_path):
     silent = rt.Recording(np.zeros((1, 16, 2, 4, 256), np.complex64), RADAR)
     content = written(tmp_path, silent)
     assert not pixels(content["/radar/range_doppler"][0][1]).any()
     assert set(content["/radar/range_profile"][0][1]["power_db"]) == {-3076.527}
     assert content["/radar/points"][0][1]["data"] == ""
+    kept = recording(provenance={"unit": "counts"})  # whose levels have a higher floor
+    kept.iq *= 1e9
+    image = pixels(written(tmp_path, kept)["/radar/range_doppler"][0][1])
+    assert image.max() / 100 - 20 == pytest.approx(10 * np.log10(power_maps(kept.iq[:1], RADAR).range_doppler.max()), abs=0.0051)
 
 
 def test_memory_does_not_grow_with_the_number_of_frames(tmp_path):

@@ -18,21 +18,16 @@ def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     checkout.commit.cache_clear()
 
 
-def test_without_a_repository_there_is_no_commit(root: Path) -> None:
+def test_a_repository_that_git_refuses_or_a_machine_without_git_warns_once(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert checkout.commit() == ("none", False)
-
-
-def test_a_repository_that_git_refuses_warns_once_with_the_message_of_git(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    checkout.commit.cache_clear()
     subprocess.run(["git", "init", "-q", str(root)], check=True)
     monkeypatch.setenv("GIT_TEST_ASSUME_DIFFERENT_OWNER", "1")  # git's own tests use this variable
     with pytest.warns(UserWarning, match="git cannot read the commit of .*: fatal: ") as caught:
         assert [checkout.commit() for _ in range(2)] == [("unknown", True)] * 2
     assert len(caught) == 1
     assert "\n" not in str(caught[0].message)
-
-
-def test_a_machine_without_git_warns(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (root / ".git").mkdir()
+    checkout.commit.cache_clear()
     monkeypatch.setenv("PATH", str(root))
     with pytest.warns(UserWarning, match="git cannot read the commit of .*No such file or directory: 'git'"):
         assert checkout.commit() == ("unknown", True)

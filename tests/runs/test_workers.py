@@ -30,11 +30,11 @@ def test_results_come_in_the_order_of_the_items_from_one_process_or_several() ->
     assert {pid for _, pid in alone} == {os.getpid()}
     assert os.getpid() not in {pid for _, pid in shared}
     assert len(counted) == 2 * len(ITEMS)
-
-
-def test_few_items_start_no_worker() -> None:
-    assert {pid for _, pid in workers.each(product, ITEMS[: workers.FEWEST_ITEMS - 1], 2)} == {os.getpid()}
+    assert {pid for _, pid in workers.each(product, ITEMS[: workers.FEWEST_ITEMS - 1], 2)} == {os.getpid()}, "few items start no worker"
     assert workers.each(product, [], 2) == []
+    waiting, numbers = {0: [(0, 0)] * 3, 1: [(1, 0)] * 3}, []
+    workers.run(product_slowly, lambda worker: waiting[worker].pop() if waiting[worker] else None, numbers.append, 2)
+    assert sorted(numbers) == [0, 0, 0, 1, 1, 1], "each worker gets calls by its number"
 
 
 def test_reused_workers_do_the_next_task_unless_they_died_hold_much_memory_or_have_old_run_times(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -60,12 +60,6 @@ def test_reused_workers_do_the_next_task_unless_they_died_hold_much_memory_or_ha
         both = pids()
     assert not any(map(runs, both))
     assert pids().isdisjoint(both)
-
-
-def test_each_worker_gets_calls_by_its_number() -> None:
-    waiting, numbers = {0: [(0, 0)] * 3, 1: [(1, 0)] * 3}, []
-    workers.run(product_slowly, lambda worker: waiting[worker].pop() if waiting[worker] else None, numbers.append, 2)
-    assert sorted(numbers) == [0, 0, 0, 1, 1, 1]
 
 
 def test_products_that_workers_build_are_counted_in_the_parent(tmp_path: Path) -> None:

@@ -37,15 +37,11 @@ def test_classes_have_the_counts_of_the_study():
         mesh = objects.make(name)[0].mesh
         radius = np.linalg.norm(mesh.vertices[np.abs(mesh.vertices[:, 2] - 0.08) < 0.006, :2], axis=1)
         assert radius.max() / radius.min() > 1.2
-
-
-def test_the_assortment_has_enough_objects_of_each_class_and_kind():
     entries = [entry for kind in assortment().values() for entry in kind]
-    assert len(entries) >= 48
+    assert len({entry.description for entry in entries}) == len(entries) >= 48
     assert min(Counter(entry.material_class for entry in entries).values()) >= 6
-    assert len({entry.description for entry in entries}) == len(entries)
-    assert not {entry.name for entry in entries} & set(NAMES)
     assert min(len(kind) for kind in assortment().values()) >= 2  # each object has another object of its kind
+    assert not {entry.name for entry in entries} & set(NAMES)
 
 
 @pytest.mark.parametrize("name", KNOWN)
@@ -155,7 +151,7 @@ def test_solids_are_closed_outward_and_of_the_right_size(name):
     assert np.abs(solid.bounds.mean(axis=0) - (0 if name != "box" else [0.05, 0.1, 0.15])).max() < 1e-12
 
 
-def test_sphere_and_cylinder_are_smooth_around_and_the_cylinder_sharp_at_the_rim():
+def test_normals_are_smooth_around_spheres_and_cylinders_and_sharp_at_rims():
     ball = SOLIDS["sphere"][0]
     assert np.abs(ball.vertex_normals - ball.vertices / 0.05).max() < 1e-9
     mesh = objects.cylinder(0.033, 0.12, 32)
@@ -163,36 +159,24 @@ def test_sphere_and_cylinder_are_smooth_around_and_the_cylinder_sharp_at_the_rim
     radial = np.column_stack([mesh.vertices[side, :2] / 0.033, np.zeros(side.sum())])
     assert np.abs(mesh.vertex_normals[side] - radial).max() < 1e-9
     assert np.allclose(np.abs(mesh.vertex_normals[~side, 2]), 1)
-    # A face is all side or all cap: no vertex is shared across the rim.
-    assert (side[mesh.faces].sum(axis=1) % 3 == 0).all()
+    assert (side[mesh.faces].sum(axis=1) % 3 == 0).all(), "a face is all side or all cap"
+    for radius, corners in ((0.031, 3 * 32), (0.06, 4 * 32)):  # a gentle and a sharp profile
+        assert len(objects.revolution([(0.03, 0.0), (radius, 0.05), (0.03, 0.1)], 32).vertices) == corners
 
 
-def test_revolution_shares_normals_only_where_the_profile_is_smooth():
-    gentle = objects.revolution([(0.03, 0.0), (0.031, 0.05), (0.03, 0.1)], 32)
-    assert len(gentle.vertices) == 3 * 32
-    sharp = objects.revolution([(0.03, 0.0), (0.06, 0.05), (0.03, 0.1)], 32)
-    assert len(sharp.vertices) == 4 * 32
-
-
-def test_trihedral_is_three_right_triangles_opening_to_plus_x():
+def test_reflectors_are_concave_and_open_to_plus_x():
     leg = 0.1
     mesh = objects.trihedral(leg)
     assert np.allclose(mesh.area_faces, leg**2 / 2)
     assert np.allclose(mesh.face_normals @ mesh.face_normals.T, np.eye(3))
     assert np.allclose(mesh.face_normals[:, 0], 1 / np.sqrt(3))  # equally inclined to the boresight, facing it
-    depth = leg / np.sqrt(3)
-    assert np.allclose(mesh.bounds[:, 0], [0, depth])
+    assert np.allclose(mesh.bounds[:, 0], [0, leg / np.sqrt(3)])
     assert np.isclose(mesh.vertices[:, 2].max(), leg * np.sqrt(2 / 3))  # one leg upright
-
-
-def test_plate_and_dihedral_face_plus_x():
-    plate = objects.plate(0.1, 0.2)
+    plate, dihedral = objects.plate(0.1, 0.2), objects.dihedral(0.1, 0.2)
     assert np.allclose(plate.face_normals, [1, 0, 0])
     assert np.allclose(plate.extents, [0, 0.1, 0.2])
-    dihedral = objects.dihedral(0.1, 0.2)
     assert dihedral.area == pytest.approx(2 * 0.1 * 0.2)
     assert np.allclose(dihedral.face_normals[:, 0], np.sqrt(0.5))
     assert dihedral.face_normals[0] @ dihedral.face_normals[-1] == pytest.approx(0, abs=1e-12)
-    # Concave: each face's normal points towards the other face.
     left, right = dihedral.triangles_center[:2].mean(axis=0), dihedral.triangles_center[2:].mean(axis=0)
     assert (right - left) @ dihedral.face_normals[0] > 0 > (right - left) @ dihedral.face_normals[-1]

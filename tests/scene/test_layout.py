@@ -73,23 +73,16 @@ def test_anchors_are_found_by_words_and_parts_are_grouped():
     assert len(find("table", room(), None)) == 2
 
 
-def test_a_support_and_a_relation_together_determine_the_place():
+def test_relations_determine_the_place_with_distances_from_the_front_to_the_centre():
     bounds, on = related("in front of", "door", 1.5, on="table")
     assert on == "table_left_top"  # the other table is not in front of the door
     assert middle(bounds)[0] == pytest.approx(2.5)
     assert -0.5 <= middle(bounds)[1] <= 0.4
     assert bounds[0, 2] == pytest.approx(0.73 + GAP_M)
-
-
-def test_distances_run_from_the_front_to_the_centre():
     assert np.allclose(middle(related("in front of", "radar", 1.0)[0]), [1.5, 0])
-    bounds, _ = related("left of", "radar", 0.7)
-    assert middle(bounds)[1] == pytest.approx(0.7)
+    assert middle(related("left of", "radar", 0.7)[0])[1] == pytest.approx(0.7)
     assert middle(related("right of", "door", 0.3)[0])[1] == pytest.approx(-0.8)
     assert middle(related("in front of", "cabinet", 0.5)[0])[1] == pytest.approx(-1.0)
-
-
-def test_beside_is_adjacent_and_under_is_below():
     bounds, on = related("beside", "cabinet")
     assert on == "floor"
     assert 0.04 < max(3 - bounds[1, 0], bounds[0, 0] - 3.8) < 0.15
@@ -118,6 +111,8 @@ def test_a_given_position_is_used_with_a_gap_to_the_support():
     assert np.allclose(bounds[0], [2.46, 0.66, 0.73 + GAP_M], atol=1e-6)
     assert placed(position_m=[2.5, 0.7, 0.742])[0][0, 2] == pytest.approx(0.742)
     assert placed(position_m=[1.0, 1.0])[1] == "floor"
+    assert placed(position_m=[1, 1, 0.9], held=True)[0][0, 2] == pytest.approx(0.9)
+    assert placed(Scene(), position_m=[1, 1, 0.9])[0][0, 2] == pytest.approx(0.9), "free space has no floor"
     assert placed(position_m=[1.5, -1.2], on="table right")[1] == "table_right_top"
 
 
@@ -156,11 +151,6 @@ def test_objects_stand_on_top_of_flat_covers():
     layout = Layout.from_dict({"objects": [{"object": "corner_reflector", "position_m": [1.5, 1.0], "yaw_deg": 90}]})
     reflector = furnish(room(thin), layout).surfaces[-1]
     assert reflector.mesh.bounds[0, 2] > GAP_M
-
-
-def test_held_objects_may_float_and_free_space_has_no_floor():
-    assert placed(position_m=[1, 1, 0.9], held=True)[0][0, 2] == pytest.approx(0.9)
-    assert placed(Scene(), position_m=[1, 1, 0.9])[0][0, 2] == pytest.approx(0.9)
 
 
 def test_all_parts_of_a_catalogue_object_are_placed():
@@ -235,22 +225,9 @@ def test_a_mesh_is_placed_on_a_table_beside_a_catalogue_object(tmp_path, monkeyp
     assert (tin.material, tin.kind) == ("metal", "object")
     assert (tin.provenance["layout"], tin.provenance["file"]) == (f"Tin.obj on {TABLE}", "Tin.obj")
     assert "mug" in scene.names
-
-
-def test_a_mesh_may_have_a_layered_material(tmp_path):
     stack = "material: {layers: [[hdpe, 0.001]], backing: water}"
-    scene = furnished(write_tin(tmp_path), f"object: meshes/Tin.obj, {stack}, unit: mm, up: y, on: {TABLE}, name: jug")
+    scene = furnished(tmp_path, f"object: meshes/Tin.obj, {stack}, unit: mm, up: y, on: {TABLE}, name: jug")
     assert next(s for s in scene if s.name == "jug").material == Layered([("hdpe", 0.001)], backing="water")
-
-
-@pytest.mark.parametrize(("name", "height_m"), [("ycb/TomatoSoupCan.obj", 0.1), ("fuze/fuze.obj", 0.22)])
-@pytest.mark.filterwarnings("ignore::radartwin.scene.mesh_file.MeshWarning")
-def test_scanned_meshes_are_placed_in_a_room(shared_data, tmp_path, name, height_m):
-    mesh = shared_data / "objects" / name
-    scene = furnished(tmp_path, f"object: {mesh}, material: hdpe, on: {TABLE}, name: thing")
-    thing = next(s for s in scene if s.name == "thing")
-    assert thing.mesh.extents[2] == pytest.approx(height_m, rel=0.1)
-    assert thing.kind == "object"
 
 
 def test_a_place_beside_a_fine_mesh_is_found_quickly(tmp_path):

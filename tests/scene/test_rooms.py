@@ -2,7 +2,6 @@
 
 import functools
 import itertools
-import time
 from typing import Any
 
 import numpy as np
@@ -25,33 +24,24 @@ def visual(mesh: Any) -> Any:
 
 
 @pytest.mark.parametrize("name", sorted(textures.LOOKS))
-def test_bitmaps_depend_on_the_seed_and_have_a_pattern(name):
-    first = textures.bitmap(name).copy()
+def test_bitmaps_depend_on_the_seed_have_a_pattern_and_repeat_without_a_seam(name):
+    """The step across the border is no larger than the steps inside, except for joints of bricks or tiles on the border."""
+    first, look = textures.bitmap(name).copy(), textures.LOOKS[name]
     textures.bitmap.cache_clear()
     assert np.array_equal(first, textures.bitmap(name))
-    if name not in ("monitor",):
-        assert first.std(axis=(0, 1)).max() > 0.5
+    assert name == "monitor" or first.std(axis=(0, 1)).max() > 0.5
     assert not np.array_equal(first, textures.bitmap(name, 1))
-
-
-@pytest.mark.parametrize("name", [n for n, look in textures.LOOKS.items() if not (look.fits or look.wraps or n == "cardboard")])
-def test_bitmaps_repeat_without_a_seam(name):
-    """The step across the border of the bitmap is no larger than the steps inside, except for joints of bricks or tiles on the border."""
-    image = textures.bitmap(name).astype(float)
-    for axis in (0, 1):
-        inside = np.abs(np.diff(image, axis=axis)).mean(axis=(1 - axis, 2))
-        border = np.abs(image.take(0, axis) - image.take(-1, axis)).mean()
+    for axis in () if look.fits or look.wraps or name == "cardboard" else (0, 1):
+        inside = np.abs(np.diff(first.astype(float), axis=axis)).mean(axis=(1 - axis, 2))
+        border = np.abs(first.take(0, axis).astype(float) - first.take(-1, axis)).mean()
         assert border <= inside.max() * 1.5 + 2
 
 
-def test_bricks_have_the_same_size_on_every_wall():
+def test_texturing_keeps_triangles_and_normals_and_the_size_of_bricks():
     for width in (1.0, 3.0):
         wall = textures.textured(rooms.rectangle([0, 0, 0], np.eye(3)[0], np.eye(3)[2], (width, 2.0)), "brick")
-        assert np.ptp(visual(wall).uv[:, 0]) * textures.LOOKS["brick"].width_m == pytest.approx(width)
-        assert np.ptp(visual(wall).uv[:, 1]) * textures.LOOKS["brick"].height_m == pytest.approx(2.0)
-
-
-def test_texturing_keeps_triangles_and_normals():
+        look = textures.LOOKS["brick"]
+        assert np.ptp(visual(wall).uv, axis=0) * [look.width_m, look.height_m] == pytest.approx([width, 2.0])
     for mesh in (objects.box([0, 0, 0], [1, 2, 3]), objects.cylinder(0.1, 0.3), objects.make("can_211_400")[0].mesh):
         for look in ("wood", "label_red"):
             result = textures.textured(mesh, look)
@@ -59,16 +49,12 @@ def test_texturing_keeps_triangles_and_normals():
             assert np.allclose(result.vertex_normals[result.faces], mesh.vertex_normals[mesh.faces])
 
 
-def test_a_room_round_trips_with_its_textures(tmp_path):
-    scene = built("lab")
-    scene.save(tmp_path)
-    for a, b in zip(scene, Scene.load(tmp_path), strict=True):
+def test_textures_and_vertex_and_face_colours_survive_saving(tmp_path):
+    built("lab").save(tmp_path / "lab")
+    for a, b in zip(built("lab"), Scene.load(tmp_path / "lab"), strict=True):
         assert np.abs(visual(a.mesh).uv - visual(b.mesh).uv).max() < 1e-5
         pictures = [np.asarray(visual(s.mesh).material.baseColorTexture.convert("RGB")) for s in (a, b)]
         assert np.array_equal(pictures[0], pictures[1]), a.name
-
-
-def test_vertex_and_face_colours_survive_saving(tmp_path):
     box = objects.box([0, 0, 0], [1, 1, 1])
     colours = np.random.default_rng(0).integers(0, 255, (len(box.vertices), 4)).astype(np.uint8)
     painted = trimesh.Trimesh(box.vertices, box.faces, vertex_colors=colours, process=False)
@@ -80,19 +66,6 @@ def test_vertex_and_face_colours_survive_saving(tmp_path):
     assert visual(none.mesh).kind != "texture"
     Scene.load(tmp_path).save(tmp_path / "again")
     assert (tmp_path / "again" / "scene.glb").read_bytes() == (tmp_path / "scene.glb").read_bytes()
-
-
-def test_half_a_million_faces_are_saved_and_loaded_in_seconds(tmp_path):
-    """On an idle core, saving takes 0.4 s and loading takes 0.2 s."""
-    ball = trimesh.creation.icosphere(subdivisions=6)
-    ball.visual.vertex_colors = np.random.default_rng(0).integers(0, 255, (len(ball.vertices), 4)).astype(np.uint8)  # type: ignore[union-attr]
-    surfaces = [Surface(ball, "wood", f"s{k}", role="room") for k in range(7)]
-    start = time.process_time()
-    Scene(surfaces).save(tmp_path)
-    again = Scene.load(tmp_path)
-    assert time.process_time() - start < 10
-    assert sum(len(s.mesh.faces) for s in again) == 7 * len(ball.faces) > 500_000
-    assert np.array_equal(visual(again.surfaces[3].mesh).vertex_colors, visual(ball).vertex_colors)
 
 
 CASES = {
@@ -170,16 +143,11 @@ def test_every_surface_has_its_true_material(case):
         assert surface.roughness_m in heights
         assert visual(surface.mesh).kind == "texture", surface.name
     assert all(isinstance(s.material, Layered) for s in scene if s.name.startswith("wall"))
-
-
-def test_category_and_material_of_a_finish_agree():
     for name, finish in FINISHES.items():
-        if finish.minc == "metal":
-            assert finish.material == "metal", name
-        if finish.minc == "glass":
-            layers = finish.material.layers if isinstance(finish.material, Layered) else [(finish.material, 0)]
-            assert {material for material, _ in layers} <= {"glass", "air"}, name
-            assert roughness_m(finish.roughness) == 0
+        layers = finish.material.layers if isinstance(finish.material, Layered) else [(finish.material, 0)]
+        assert finish.minc != "metal" or finish.material == "metal", name
+        assert finish.minc != "glass" or {material for material, _ in layers} <= {"glass", "air"}, name
+        assert finish.minc != "glass" or roughness_m(finish.roughness) == 0
 
 
 @pytest.mark.parametrize("case", MAIN)
@@ -204,13 +172,6 @@ def test_rover_and_objects_have_a_clear_place(name):
             assert not (beside & (np.abs(y) < 0.75)).any(), surface.name
 
 
-def test_detail_levels_are_nested_and_clutter_can_be_left_out():
-    shell, furnished, cluttered = (rooms.lab(detail=d).names for d in DETAILS)
-    assert cluttered[: len(furnished)] == furnished
-    assert furnished[: len(shell)] == shell
-    assert rooms.lab(detail="cluttered").without(rooms.CLUTTER).names == furnished
-
-
 def test_squash_court_is_regulation():
     scene = rooms.squash_court()
     assert np.allclose(scene.bounds, [[0, -3.2, 0], [9.75, 3.2, 5.64]])
@@ -224,23 +185,11 @@ def test_squash_court_is_regulation():
     assert 0.9 * 6.4 * 2.13 < panes < 6.4 * 2.13
 
 
-def test_court_lines_have_their_regulation_heights():
-    """The picture of the squash court's front wall shows a line at the regulation heights, and wall at other heights."""
-    wall = next(s for s in rooms.squash_court() if s.name == "wall_front")
-    texture = visual(wall.mesh)
-    image = np.asarray(texture.material.baseColorTexture).astype(int)
-    top = int(np.argmin(np.abs(wall.mesh.vertices[:, 2] - 5.64)))
-    assert texture.uv[top, 1] == pytest.approx(1.0)  # v rises with z; row 0 is the top
-
-    def red(height):
-        row = image[round((1 - height / 5.64) * (len(image) - 1)), image.shape[1] // 3]
-        return row[0] - row[2] > 80
-
-    assert [red(h) for h in (0.9, 1.80, 1.95, 4.40, 4.59, 4.75)] == [False, True, False, False, True, False]
-
-
-def test_support_ends_under_the_object_and_clears_the_floor():
-    scene = rooms.empty() + rooms.support(np.array([2.5, 0, 0.95]))
-    assert isinstance(scene, Scene)
-    assert np.allclose(scene.bounds, [[2.35, -0.15, rooms.GAP], [2.65, 0.15, 0.95]])
-    assert {s.kind for s in scene} == {"object"}
+def test_detail_levels_are_nested_and_a_support_ends_under_its_object():
+    shell, furnished, cluttered = (rooms.lab(detail=d).names for d in DETAILS)
+    assert cluttered[: len(furnished)] == furnished
+    assert furnished[: len(shell)] == shell
+    assert rooms.lab(detail="cluttered").without(rooms.CLUTTER).names == furnished
+    support = rooms.empty() + rooms.support(np.array([2.5, 0, 0.95]))
+    assert np.allclose(support.bounds, [[2.35, -0.15, rooms.GAP], [2.65, 0.15, 0.95]])
+    assert {s.kind for s in support} == {"object"}

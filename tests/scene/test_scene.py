@@ -48,18 +48,14 @@ def test_a_scene_round_trips_with_the_same_bytes_and_without_temporary_files(tmp
     assert scene.without(["floor"]).names == ("target", "window", "")
     scene.save(tmp_path / "a")
     assert sorted(p.name for p in (tmp_path / "a").iterdir()) == ["manifest.json", "scene.glb"]
-
-
-@pytest.mark.parametrize("part", ["scene.glb", "manifest.json"])
-def test_either_file_of_the_folder_loads_the_scene(tmp_path, part):
-    labelled_scene().save(tmp_path)
-    assert Scene.load(tmp_path / part).names == ("target", "floor", "window", "")
-    with pytest.raises(SceneError, match="has its own materials"):
-        Scene.load(tmp_path / part, material="concrete")
+    for part in (tmp_path / "a").iterdir():
+        assert Scene.load(part).names == ("target", "floor", "window", "")
+        with pytest.raises(SceneError, match="has its own materials"):
+            Scene.load(part, material="concrete")
 
 
 @pytest.mark.parametrize("suffix", [".glb", ".ply", ".obj"])
-def test_a_plain_mesh_needs_one_material(tmp_path, suffix):
+def test_a_plain_mesh_needs_one_material_and_its_size_determines_its_kind(tmp_path, suffix):
     path = tmp_path / f"room{suffix}"
     box(2.0).export(path)
     with pytest.raises(SceneError, match=r"carries no material labels.*--material NAME"):
@@ -67,12 +63,8 @@ def test_a_plain_mesh_needs_one_material(tmp_path, suffix):
     (surface,) = Scene.load(path, material="concrete")
     assert surface.material == "concrete"
     assert np.allclose(surface.mesh.bounds, [[-1, -1, -1], [1, 1, 1]])
-
-
-def test_size_determines_the_kind_unless_the_role_is_given():
-    Surface(box(100.0), "metal")
-    assert Surface(box(0.5), "metal").kind == "object"
-    assert Surface(box(0.51), "metal").kind == "room"
+    kinds = [Surface(box(size), "metal").kind for size in (0.5, 0.51, 100.0)]
+    assert kinds == ["object", "room", "room"]
     assert Surface(box(3.0), "metal", role="object").kind == "object"
 
 
@@ -82,7 +74,9 @@ def test_a_sensor_inside_a_solid_is_refused_and_inside_a_room_is_accepted():
     with pytest.raises(SceneError, match="frame 1, is inside surface 'pillar'"):
         solid.check_sensor(position)
     solid.check_sensor(position[:1])
-
+    doubled = trimesh.Trimesh(box(2.0).vertices[box(2.0).faces.reshape(-1)], np.arange(36).reshape(-1, 3), process=False)
+    with pytest.raises(SceneError):
+        Scene([Surface(doubled, "metal")]).check_sensor(np.zeros(3))
     inward = box(2.0)
     inward.invert()
     Scene([Surface(inward, "concrete", "room")]).check_sensor(position)
@@ -93,13 +87,6 @@ def test_a_sensor_inside_a_solid_is_refused_and_inside_a_room_is_accepted():
     check_path(front, trajectory.depth_sweep(trajectory.look_at([0.5, 1, 0.4], [9, 1, 0.4]), 0.9))  # ends before the wall
     shell = joined([box(2.4), inward])  # walls with thickness: the sensor is in the cavity
     Scene([Surface(shell, "concrete")]).check_sensor(position)
-
-
-def test_a_solid_with_doubled_vertices_stays_closed():
-    soup = box(2.0)
-    soup = trimesh.Trimesh(soup.vertices[soup.faces.reshape(-1)], np.arange(36).reshape(-1, 3), process=False)
-    with pytest.raises(SceneError):
-        Scene([Surface(soup, "metal")]).check_sensor(np.zeros(3))
 
 
 def test_a_failed_save_leaves_no_files(tmp_path):

@@ -1,7 +1,5 @@
 """The content of a scene's 3-D page without a browser: colours, legend, cards, filled areas, and thinning of large meshes."""
 
-import base64
-import io
 import json
 import re
 from typing import Any
@@ -9,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from PIL import Image
 from trimesh.visual import ColorVisuals
 
 from radartwin import cli
@@ -19,7 +16,7 @@ from radartwin.reconstruct.build import ScanOptions, reconstruct
 from radartwin.scene import objects, rooms
 from radartwin.scene.scene import Scene, Surface
 from radartwin.scene.viewer import colouring, display_mesh
-from radartwin.scene.viewer.display_mesh import HATCH, texture
+from radartwin.scene.viewer.display_mesh import texture
 from radartwin.scene.viewer.page import describe, view
 
 GLAZING = Layered([("glass", 0.004), ("air", 0.016), ("glass", 0.004)])
@@ -60,13 +57,16 @@ def test_the_page_needs_no_other_file_and_lists_surfaces_and_materials(tmp_path)
     page, content = read(view(scene(), tmp_path / "page.html", poses=np.eye(4)))
     assert not re.search(r"""(src|href)=["'](?!data:)""", page)
     assert "http" not in page.replace("http-equiv", "")
-    assert "__" not in re.sub(r'<script type="text/plain".*?</script>', "", page, flags=re.S).replace("__proto__", "")
     assert [s["name"] for s in content["surfaces"]] == ["floor", "can", "pane"]
     assert {m["label"] for m in content["materials"]} == {"concrete", "ceramic (simulated as glass)", "glass 4 mm | air 16 mm | glass 4 mm"}
 
 
-def test_the_card_lists_the_facts_of_the_material():
-    content, _ = describe(scene())
+def test_the_page_has_every_triangle_and_the_facts_of_each_material():
+    original = scene()
+    content, (positions, surface, colours, _, faces) = describe(original)
+    assert len(positions) == len(surface) == len(colours)
+    for k, expected in enumerate(original):
+        assert np.allclose(positions[faces[surface[faces[:, 0]] == k]].astype(float), expected.mesh.triangles, atol=1e-6)
     facts = dict(content["surfaces"][1]["facts"])
     assert facts["material"] == "ceramic (simulated as glass)"
     assert (facts["source"], facts["confidence"], facts["category"]) == ("vlm", "62%", "ceramic")
@@ -92,21 +92,13 @@ def test_reflectivity_is_the_fresnel_value_and_its_colour_is_on_the_ramp():
     assert colouring.reflectivity_colour(None, stops) not in stops
 
 
-def test_the_arrays_hold_every_triangle_of_every_surface():
-    original = scene()
-    _, (positions, surface, colours, _, faces) = describe(original)
-    assert len(positions) == len(surface) == len(colours)
-    for k, expected in enumerate(original):
-        triangles = faces[surface[faces[:, 0]] == k]
-        assert len(triangles) == len(expected.mesh.faces)
-        assert np.allclose(positions[triangles].astype(float), expected.mesh.triangles, atol=1e-6)
-
-
 def test_a_large_scene_is_thinned_for_the_page_only():
     meshes = [grid(n=200), grid(n=150, height=2.0), objects.sphere(0.1, 2)]
+    meshes[0].visual = ColorVisuals(meshes[0], vertex_colors=np.full((len(meshes[0].vertices), 4), [200, 40, 10, 255], np.uint8))
     thin, cell = display_mesh.thinned(meshes, 30_000)
     assert 10_000 < sum(len(m.faces) for m in thin) <= 30_000
     assert thin[2] is meshes[2]
+    assert np.all(display_mesh.vertex_colours(thin[0]) == np.array([200, 40, 10, 255]))
     for before, after in zip(meshes, thin, strict=True):
         assert np.allclose(before.bounds, after.bounds, atol=cell)
         assert after.area == pytest.approx(before.area, rel=0.15)  # noise at cell borders adds area
@@ -114,15 +106,6 @@ def test_a_large_scene_is_thinned_for_the_page_only():
     assert "reduced for this page" in content["note"]
     assert f"{sum(len(m.faces) for m in meshes):,} triangles" in content["note"]
     assert display_mesh.thinned(meshes, 10**6) == (meshes, 0.0)
-
-
-def test_scan_colours_survive_thinning():
-    mesh = grid(n=60)
-    mesh.visual = ColorVisuals(mesh, vertex_colors=np.full((len(mesh.vertices), 4), [200, 40, 10, 255], np.uint8))
-    thin, _ = display_mesh.thinned([mesh], 2000)
-    colours = display_mesh.vertex_colours(thin[0])
-    assert colours is not None
-    assert (colours == [200, 40, 10, 255]).all()
 
 
 def test_walls_are_distinguished_from_furniture_for_either_winding():
@@ -138,19 +121,6 @@ def test_walls_are_distinguished_from_furniture_for_either_winding():
     assert floor["normal"][2] > 0.99
     assert ceiling["normal"][2] < -0.99
     assert (table, drum) == (None, None)
-
-
-def test_each_texture_is_in_the_page_once_with_its_coordinates():
-    room = rooms.lab(detail="shell")
-    content, (_, surface, _, coordinates, _) = describe(room, by="colour")
-    assert 0 < len(content["pictures"]) <= len(room)
-    assert all(p.startswith("data:image/jpeg;base64,") for p in content["pictures"])
-    pictures = coordinates[:, 2]
-    assert set(np.unique(pictures[pictures >= 0])) == set(range(len(content["pictures"])))
-    floor = room.names.index("floor")
-    visual: Any = room.surfaces[floor].mesh.visual
-    uv = np.asarray(visual.uv)
-    assert np.allclose(coordinates[surface == floor, :2], np.column_stack([uv[:, 0], 1 - uv[:, 1]]), atol=1e-5)
 
 
 def test_the_verb_draws_track_and_layout(tmp_path, capsys):
@@ -171,6 +141,15 @@ def test_the_verb_draws_track_and_layout(tmp_path, capsys):
     assert azimuths == {-50, 0, 50}, "the edges of the field of view, and the boresight"
     assert {"mug", "radar", "end, after 0.20 m"} <= {label["text"] for label in content["labels"]}
     assert not [s for s in Scene.load(folder) if s.name == "mug"]
+
+
+def test_each_texture_is_in_the_page_once_with_its_coordinates():
+    room = rooms.lab(detail="shell")
+    content, (_, surface, _, coordinates, _) = describe(room, by="colour")
+    assert all(p.startswith("data:image/jpeg;base64,") for p in content["pictures"])
+    assert set(np.unique(coordinates[coordinates[:, 2] >= 0, 2])) == set(range(len(content["pictures"])))
+    visual: Any = room.surfaces[floor := room.names.index("floor")].mesh.visual
+    assert np.allclose(coordinates[surface == floor, :2], np.column_stack([visual.uv[:, 0], 1 - visual.uv[:, 1]]), atol=1e-5)
 
 
 RED = (200, 30, 30, 255)
@@ -208,26 +187,17 @@ def test_a_filled_patch_is_transparent_and_keeps_its_estimated_colour(floor):
     assert (red > 3 * np.maximum(green, blue)).all(), "the picture for a language model shows the estimated colour"
 
 
-def test_the_page_hatches_a_filled_patch_and_the_card_gives_its_area(floor):
+def test_the_card_gives_the_area_of_a_filled_patch(floor):
     content, _ = describe(Scene([floor]), by="colour")
     card = dict(content["surfaces"][0]["facts"])
     filled = floor.provenance["filled_m2"]
     assert filled == pytest.approx(HOLE_M2, rel=0.2)
     assert card["never scanned"] == f"{filled:.3g} m² of it, filled in"
     assert content["has_filled"]
-    picture = np.asarray(Image.open(io.BytesIO(base64.b64decode(content["pictures"][0].partition(",")[2]))).convert("RGB")).astype(int)
-    middle = picture[picture.shape[0] // 2 - 8 : picture.shape[0] // 2 + 8, picture.shape[1] // 2 - 8 : picture.shape[1] // 2 + 8]
-    assert (np.ptp(middle, axis=2) < 25).mean() > 0.9, "grey"
-    assert middle.mean() == pytest.approx(np.mean(np.array(HATCH)), abs=20)
-    assert np.ptp(middle.mean(axis=2)) > 25, "hatched"
 
 
-@pytest.mark.parametrize(
-    ("provenance", "fact"),
-    [({"filled_m2": 0.0}, None), ({"completed": True, "filled_m2": 2.0}, "all of it, an inferred pane")],
-    ids=["scanned completely", "completed"],
-)
-def test_the_card_tells_how_much_was_never_scanned(floor, provenance, fact):
-    content, _ = describe(Scene([floor.replaced(provenance=provenance)]))
-    assert dict(content["surfaces"][0]["facts"]).get("never scanned") == fact
-    assert content["has_filled"] == (fact is not None)
+def test_the_card_of_an_inferred_pane_says_so(floor):
+    for provenance, fact in (({"filled_m2": 0.0}, None), ({"completed": True, "filled_m2": 2.0}, "all of it, an inferred pane")):
+        content, _ = describe(Scene([floor.replaced(provenance=provenance)]))
+        assert dict(content["surfaces"][0]["facts"]).get("never scanned") == fact
+        assert content["has_filled"] == (fact is not None)

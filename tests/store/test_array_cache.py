@@ -28,13 +28,19 @@ def same(stored, expected):
         assert array.dtype == expected[name].dtype
 
 
-def test_arrays_come_back_from_memory_and_from_another_process_folder(tmp_path):
+def test_arrays_come_back_from_memory_and_from_a_folder_without_the_files_of_a_killed_process(tmp_path):
+    (tmp_path / ".k.npz.radartwin-999999999.tmp").write_bytes(b"half")
     cache, kept = ArrayCache(tmp_path), arrays()
     assert cache.get("k", dict) is None
     cache.put("k", kept)
     same(cache.get("k", dict), kept)
     same(ArrayCache(tmp_path).get("k", dict), kept)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["k.npz"]
+    before = array_cache.shared()
+    assert before.folder is None
+    with array_cache.in_folder(tmp_path) as cache:
+        assert (cache.folder, array_cache.shared() is cache) == (tmp_path, True)
+    assert array_cache.shared() is before
 
 
 def test_memory_loses_the_least_recently_used_entry():
@@ -110,13 +116,6 @@ def test_processes_share_a_folder_while_they_evict_entries_of_one_another(tmp_pa
     assert sum(p.stat().st_size for p in tmp_path.iterdir()) <= 10_000 + 2 * 3_500
 
 
-def test_a_start_removes_what_a_killed_process_left(tmp_path):
-    left = tmp_path / ".k.npz.radartwin-999999999.tmp"
-    left.write_bytes(b"half")
-    ArrayCache(tmp_path)
-    assert not left.exists()
-
-
 def test_a_full_disk_costs_a_warning(tmp_path, monkeypatch):
     def full(path, content):
         raise OutputError(f"{path}: cannot write (No space left on device)")
@@ -126,12 +125,3 @@ def test_a_full_disk_costs_a_warning(tmp_path, monkeypatch):
     with pytest.warns(UserWarning, match="No space left"):
         cache.put("k", arrays())
     assert cache.get("k", dict) is not None
-
-
-def test_the_shared_cache_is_in_memory_until_a_folder_is_named(tmp_path):
-    before = array_cache.shared()
-    assert before.folder is None
-    with array_cache.in_folder(tmp_path) as cache:
-        assert cache.folder == tmp_path
-        assert array_cache.shared() is cache
-    assert array_cache.shared() is before

@@ -22,7 +22,7 @@ def test_settings_that_change_no_result_keep_the_key() -> None:
         assert digest.spec_digest(composer.compose(other)) != base
 
 
-def test_content_of_a_file_counts_and_its_name_does_not(tmp_path: Path) -> None:
+def test_contents_of_a_file_or_folder_count_and_its_name_does_not(tmp_path: Path) -> None:
     def key(name: str, content: str) -> str:
         (tmp_path / name).write_text(content)
         return digest.spec_digest(compose(["scene=scan", f"scene.path={tmp_path / name}"]))
@@ -31,9 +31,6 @@ def test_content_of_a_file_counts_and_its_name_does_not(tmp_path: Path) -> None:
     assert key("one.ply", "ply") != key("one.ply", "other")
     with pytest.raises(MissingError, match=r"absent\.ply"):
         digest.spec_digest(compose(["scene=scan", "scene.path=absent.ply"]))
-
-
-def test_relative_names_and_content_of_a_folder_count(tmp_path: Path) -> None:
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "manifest.json").write_text("{}")
@@ -42,13 +39,10 @@ def test_relative_names_and_content_of_a_folder_count(tmp_path: Path) -> None:
     assert digest.path_digest(tmp_path / "a") != digest.path_digest(tmp_path / "b")
 
 
-def test_array_and_list_of_the_same_values_have_the_same_digest() -> None:
+def test_digests_cover_values_and_the_type_and_shape_of_arrays() -> None:
     assert digest.spec_digest({"a": np.arange(3), "b": np.float64(2)}) == digest.spec_digest({"b": 2.0, "a": [0, 1, 2]})
     with pytest.raises(TypeError, match="object"):
         digest.spec_digest({"a": object()})
-
-
-def test_array_digest_covers_type_shape_and_values() -> None:
     grid = np.arange(6.0)
     arrays = [grid, grid.reshape(2, 3), grid.reshape(3, 2), grid.astype(np.float32), grid[::-1]]
     assert len({digest.array_digest(array) for array in arrays}) == len(arrays)
@@ -92,32 +86,25 @@ def test_closure_follows_imports_in_functions_and_relative_ones_but_not_those_fo
     assert reached == {"study_x", "study_x.top", "study_x.near", "study_x.near.middle", "study_x.near.leaf"}
 
 
-@pytest.mark.parametrize(
-    ("file", "content", "changes"),
-    [
-        # docstrings, comment and formatting change
-        ("near/leaf", '"""Text."""\n\n# a comment\nVALUE   =   1\ndef f(x):\n    """X."""\n    raise ValueError(f"no {x}", 1)\n', False),
-        ("near/leaf", "VALUE = 2\n", True),
-        ("near/neighbour", "VALUE = 4\n", True),  # this module is not imported, but a module of its package is
-        ("near/added", "", True),
-        ("far/stranger", "VALUE = 4\n", False),
-        ("near/middle", "from . import leaf\nfrom typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import study_x.other\n", False),
-    ],
-)
-def test_code_of_whole_packages_counts(package: Path, file: str, content: str, changes: bool) -> None:
-    before = source_digest("study_x.top")
-    (package / f"{file}.py").write_text(content)
-    assert (source_digest("study_x.top") != before) == changes
+CHANGES = [
+    # docstrings, comment and formatting change
+    ("near/leaf.py", '"""Text."""\n\n# a comment\nVALUE   =   1\ndef f(x):\n    """X."""\n    raise ValueError(f"no {x}", 1)\n', False),
+    ("near/leaf.py", "VALUE = 2\n", True),
+    ("near/neighbour.py", "VALUE = 4\n", True),  # this module is not imported, but a module of its package is
+    ("near/added.py", "", True),
+    ("far/stranger.py", "VALUE = 4\n", False),
+    ("near/middle.py", "from . import leaf\nfrom typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import study_x.other\n", False),
+    ("near/limits.json", "1", True), ("near/deep/levels.csv", "1", True), ("near/notes.txt", "1", False), ("far/a.csv", "1", False),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("file", "changes"), [("near/limits.json", True), ("near/deep/levels.csv", True), ("near/notes.txt", False), ("far/a.csv", False)]
-)
-def test_data_files_of_reached_packages_count(package: Path, file: str, changes: bool) -> None:
+@pytest.mark.parametrize(("file", "content", "changes"), CHANGES)
+def test_code_and_data_files_of_whole_packages_count(package: Path, file: str, content: str, changes: bool) -> None:
     (package / file).parent.mkdir(exist_ok=True)
-    (package / file).write_text("1")
+    if not file.endswith(".py"):
+        (package / file).write_text("0")
     before = source_digest("study_x.top")
-    (package / file).write_text("2")
+    (package / file).write_text(content)
     assert (source_digest("study_x.top") != before) == changes
 
 
@@ -150,20 +137,14 @@ def test_recordings_do_not_depend_on_code_that_learns_or_reports() -> None:
         assert not packages & {"experiments.recognition", "experiments.gaps", "radartwin.recognize", "radartwin.runs", "radartwin.plotting"}
 
 
-def test_an_unknown_module_is_refused() -> None:
-    with pytest.raises(ConfigError, match=r"radartwin\.nowhere"):
-        digest.source_digest(["radartwin.nowhere"])
-
-
 def test_versions_of_numerical_packages_count(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = source_digest("study_x.top")
     versions = digest.importlib.metadata.version
     monkeypatch.setattr(digest.importlib.metadata, "version", lambda name: "0.1" if name == "scipy" else versions(name))
     assert source_digest("study_x.top") != before
-
-
-def test_loading_an_experiment_of_the_project_keeps_the_digests_that_are_known():
+    with pytest.raises(ConfigError, match=r"radartwin\.nowhere"):
+        digest.source_digest(["radartwin.nowhere"])
     digest.source_digest(["experiments.campaign.truth"])
     known = digest._code_digest.cache_info().currsize
     digest.include("experiments")
-    assert digest._code_digest.cache_info().currsize == known > 100
+    assert digest._code_digest.cache_info().currsize == known > 100, "an experiment of the project keeps the known digests"

@@ -61,6 +61,9 @@ def test_a_failed_build_leaves_no_files_and_is_repeated(tmp_path: Path) -> None:
         store.fetch("recording", {}, ROOTS, fails)
     assert list((tmp_path / "recording").iterdir()) == []
     assert not store.fetch("recording", {}, ROOTS, write).reused
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="file is not a folder"):
+        Store(tmp_path / "file" / "cache")
 
 
 KILLED = """
@@ -117,12 +120,6 @@ def test_concurrent_processes_build_a_product_once(tmp_path: Path) -> None:
     assert len(list((tmp_path / "cache" / "recording").iterdir())) == 1
 
 
-def test_an_impossible_output_folder_is_named(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="file is not a folder"):
-        Store(tmp_path / "file" / "cache")
-
-
 def test_a_start_removes_only_abandoned_files_of_radartwin_whatever_their_dates(tmp_path: Path) -> None:
     """Dates are wrong after a clock error or after a plain copy of the folder, so the store must not compare them."""
     Store(tmp_path).fetch("recording", {}, ROOTS, write)
@@ -162,20 +159,15 @@ def test_a_damaged_product_is_reported_and_built_again(tmp_path: Path) -> None:
     assert private.read_text() == "of the user"
 
 
-METADATA = (
+@pytest.mark.parametrize("text", [
     "", "[" * 200_000, "[]", '{"bytes": 5}', '{"bytes": {"x.npz": 0}}', '{"bytes": {"../../x": 1}}',
     '{"bytes": {}, "sha256": {"gone.npz": "0"}}',
-)  # fmt: skip
-
-
-@pytest.mark.parametrize("damage", METADATA, ids=lambda text: text[:12] or "empty")
-def test_a_product_with_damaged_metadata_is_built_again(damage: str, tmp_path: Path) -> None:
-    product = Store(tmp_path).fetch("recording", {}, ROOTS, write)
-    (product.path / "meta.json").write_text(damage)
+], ids=range(7))  # fmt: skip
+def test_a_product_with_damaged_metadata_is_built_again(text: str, tmp_path: Path) -> None:
+    (Store(tmp_path).fetch("recording", {}, ROOTS, write).path / "meta.json").write_text(text)
     lines: list[str] = []
-    assert not Store(tmp_path, lines.append).fetch("recording", {}, ROOTS, write).reused
+    assert [Store(tmp_path, lines.append).fetch("recording", {}, ROOTS, write).reused for _ in range(2)] == [False, True]
     assert "damaged" in lines[0]
-    assert Store(tmp_path).fetch("recording", {}, ROOTS, write).reused
 
 
 def test_a_file_folder_or_link_in_place_of_a_product_is_replaced(tmp_path: Path) -> None:

@@ -44,15 +44,11 @@ def test_the_person_stands_in_free_space_beside_the_track(room):
     assert np.linalg.norm(places[0] - places[1]) > 0.05
 
 
-def test_sway_has_its_deviation_and_memory():
-    times = np.arange(20_000) / 10.0
-    one = bystander.sway(times, 2.0, np.random.default_rng(0))
-    assert one.std() == pytest.approx(2 * bystander.SWAY_M, rel=0.1)
-    assert np.corrcoef(one[:-10], one[10:])[0, 1] == pytest.approx(np.exp(-1), abs=0.06)
-
-
-def test_the_echo_turns_like_one_of_a_nearer_person():
+def test_sway_has_its_deviation_and_memory_and_turns_the_echo_like_a_nearer_person():
     """A displacement towards the radar changes the phase of a point's echo by that of the shorter path, 2 times the displacement."""
+    sway = bystander.sway(np.arange(20_000) / 10.0, 2.0, np.random.default_rng(0))
+    assert sway.std() == pytest.approx(2 * bystander.SWAY_M, rel=0.1)
+    assert np.corrcoef(sway[:-10], sway[10:])[0, 1] == pytest.approx(np.exp(-1), abs=0.06)
     radar, length, towards = replace(Radar.iwr1843(), num_chirps=1), 6.0, 0.003
     frequency = radar.start_frequency_hz + radar.slope_hz_per_s * np.arange(radar.num_samples) / radar.sample_rate_hz
 

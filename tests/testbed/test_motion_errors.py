@@ -30,31 +30,32 @@ def rigid(poses):
     return np.allclose(poses[:, :3, :3] @ poses[:, :3, :3].swapaxes(1, 2), np.eye(3), atol=1e-12) and np.allclose(poses[:, 3], [0, 0, 0, 1])
 
 
-def test_strength_zero_returns_the_nominal_poses_exactly():
+def test_strength_scales_errors_keeps_lengths_and_zero_returns_the_nominal_poses():
     assert np.array_equal(rover(SWEEP, RoverErrors().scaled(0), rng(0)), SWEEP)
     assert np.array_equal(turntable(TURN, TurntableErrors().scaled(0), rng(0)), TURN)
     assert np.array_equal(placed({"a": TURN}, PlacementErrors().scaled(0), rng(0))["a"], TURN)
     assert np.array_equal(rail(SWEEP, RailErrors().scaled(0), rng(0)), SWEEP)
-    assert np.array_equal(at_times(SWEEP, 10.0, np.arange(len(SWEEP)) / 10.0), SWEEP)
-
-
-def test_strength_scales_errors_and_keeps_lengths():
+    moved = rover(SWEEP[:1].repeat(20, 0), RoverErrors(), rng(0))
+    assert np.array_equal(moved, moved[:1].repeat(20, 0)), "a resting rover does not move"
     twice = RoverErrors().scaled(2)
     assert (twice.slip, twice.start_m) == (2 * RoverErrors().slip, 2 * RoverErrors().start_m)
     assert (twice.wheel_m, twice.slip_length_m) == (RoverErrors().wheel_m, RoverErrors().slip_length_m)
     assert TurntableErrors().scaled(2).ripple_cycles == TurntableErrors().ripple_cycles
     small, large = (rover(SWEEP, RoverErrors().scaled(s), rng(4)) - SWEEP for s in (0.01, 0.02))
     assert np.linalg.norm(large - 2 * small) < 0.01 * np.linalg.norm(large)
+    for move, course, errors in ((rover, SWEEP, RoverErrors()), (turntable, TURN, TurntableErrors())):
+        one, same, other = (move(course, errors, rng(seed)) for seed in (3, 3, 4))
+        assert np.array_equal(one, same)
+        assert not np.array_equal(one, other)
+        assert rigid(move(course, errors.scaled(5), rng(3)))
 
 
-def test_equal_seeds_give_equal_rigid_poses():
-    for make in (
-        lambda s, seed: rover(SWEEP, RoverErrors().scaled(s), rng(seed)),
-        lambda s, seed: turntable(TURN, TurntableErrors().scaled(s), rng(seed)),
-    ):
-        assert np.array_equal(make(1, 3), make(1, 3))
-        assert not np.array_equal(make(1, 3), make(1, 4))
-        assert rigid(make(5, 3))
+def test_poses_at_other_times_follow_the_nominal_course():
+    times = np.arange(len(SWEEP)) / 10
+    assert np.array_equal(at_times(SWEEP, 10.0, times), SWEEP)
+    np.testing.assert_allclose(at_times(SWEEP, 10.0, times + 0.03)[:, 0, 3], 1.0 + 0.2 * (times + 0.03), atol=1e-12)
+    turned = at_times(TURN, 10.0, np.array([0.05]))
+    assert np.degrees(np.arctan2(turned[0, 1, 0], turned[0, 0, 0])) == pytest.approx(0.72, abs=1e-6)
 
 
 @pytest.fixture(scope="module")
@@ -103,18 +104,9 @@ def test_rover_ripple_has_the_period_of_a_wheel_and_repeats_on_the_way_back():
     error = (rover(THERE_AND_BACK, RIPPLE, rng(1)) - THERE_AND_BACK)[:, 0, 3]
     assert np.ptp(error) > 0.5e-3
     np.testing.assert_allclose(error, error[::-1], atol=1e-12)
-
-
-def test_rover_there_and_back_ends_near_its_start():
     ends = np.array([(rover(THERE_AND_BACK, RoverErrors(start_m=0), rng(s)) - THERE_AND_BACK)[-1, :3, 3] for s in range(400)])
     # constant slip cancels; changing slip of 1.06 % with a correlation length of 0.3 m leaves some millimetres
     assert 1e-3 < ends[:, 0].std() < 0.0106 * 0.96
-
-
-def test_resting_rover_does_not_move():
-    rest = trajectory.static(trajectory.pose([0, 0, 0.4]), 20)
-    moved = rover(rest, RoverErrors(), rng(0))
-    assert np.array_equal(moved, moved[:1].repeat(20, 0))
 
 
 def test_turntable_angle_errors_have_the_described_spread():
@@ -157,14 +149,6 @@ def test_objects_share_the_placement_offset_and_yaw_and_rotating_ones_are_eccent
         assert yaw.std() == pytest.approx(2.0, rel=0.1)
     radius = np.linalg.norm(moved[0]["object"][:, :2, 3] - [2.0, 0.0] - stand[0], axis=1)
     np.testing.assert_allclose(radius, radius[0], atol=1e-9)
-
-
-def test_poses_at_other_times_follow_the_nominal_course():
-    times = np.arange(len(SWEEP)) / 10 + 0.03
-    moved = at_times(SWEEP, 10.0, times)
-    np.testing.assert_allclose(moved[:, 0, 3], 1.0 + 0.2 * times, atol=1e-12)
-    turned = at_times(TURN, 10.0, np.array([0.05]))
-    assert np.degrees(np.arctan2(turned[0, 1, 0], turned[0, 0, 0])) == pytest.approx(0.72, abs=1e-6)
 
 
 def test_rail_errors_have_the_described_spread_along_the_rail():

@@ -16,7 +16,7 @@ def made(name, strength=1.0, seed=0):
 
 
 @pytest.mark.parametrize("name", catalogue())
-def test_strength_zero_is_the_drawing_and_one_is_millimetres_away(name):
+def test_strength_zero_is_the_drawing_and_each_seed_is_millimetres_away_in_its_own_way(name):
     drawing = entry(name).surfaces()
     for drawn, same in zip(drawing, made(name, 0.0), strict=True):
         assert same.mesh.vertices.tobytes() == drawn.mesh.vertices.tobytes()
@@ -25,13 +25,8 @@ def test_strength_zero_is_the_drawing_and_one_is_millimetres_away(name):
         assert 1e-5 < off < 3e-3
         assert moved.material == drawn.material
         assert moved.name == drawn.name
-
-
-@pytest.mark.parametrize("name", ["can_211_400", "mustard", "mug"])
-def test_an_object_is_the_same_for_the_same_seed_and_different_for_another(name):
-    one, same, other = made(name), made(name), made(name, seed=1)
-    assert one[0].mesh.vertices.tobytes() == same[0].mesh.vertices.tobytes()
-    assert np.abs(one[0].mesh.vertices - other[0].mesh.vertices).max() > 1e-5
+    assert made(name)[0].mesh.vertices.tobytes() == made(name)[0].mesh.vertices.tobytes()
+    assert np.abs(made(name)[0].mesh.vertices - made(name, seed=1)[0].mesh.vertices).max() > 1e-5
 
 
 @pytest.mark.parametrize("name", ROUND)
@@ -82,5 +77,5 @@ def test_half_of_the_food_cans_have_beads():
         near = middle & (np.abs(np.arctan2(y, x)) < 0.03)
         return np.ptp(np.hypot(x, y)[near])
 
-    deep = [depth(seed) > 0.4e-3 for seed in range(40)]
-    assert 10 <= sum(deep) <= 30
+    deep = [depth(seed) > 0.4e-3 for seed in range(20)]
+    assert 5 <= sum(deep) <= 15

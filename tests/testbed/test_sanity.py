@@ -59,11 +59,8 @@ def reflector():
 
 
 def test_noise_floor_of_a_range_profile_is_thermal(reflector):
-    """The thermal noise is -174 dBm/Hz plus a noise figure of 15 dB over 5.21 MHz, relative to 12 dBm transmit power. A Hann window widens
-    a range bin by 1.5, and 256 samples and 16 chirps add coherently. The gain of channel Q is 1 dB higher than the gain of channel I, which
-    adds 0.5 dB to the noise power. The phase noise of the reflector's echo (-64 dB, -93 dBc/Hz) at most doubles the noise floor. The test
-    allows levels from 0.5 dB below to 2 dB above the thermal noise.
-    """
+    """The gain of channel Q adds 0.5 dB to the noise power, and the phase noise of the reflector's echo at most doubles the floor."""
+    # -174 dBm/Hz, noise figure, bandwidth, transmit power; a Hann window widens a bin by 1.5, samples and chirps add coherently
     thermal = -174 + 15 + db(5.21e6) - 12 + db(1.5 / 256 / 16)
     far = reflector.range_m > 3.0
     assert thermal - 0.5 < db(reflector.power[:, far].mean()) < thermal + 2
@@ -71,10 +68,8 @@ def test_noise_floor_of_a_range_profile_is_thermal(reflector):
 
 
 def test_trihedral_at_2_m_matches_its_link_budget(reflector):
-    """The cross-section of the trihedral is sigma = 4 pi a^4 / (3 lambda^2). The echo at the receiver is weaker than this cross-section
-    gives in the radar equation: by 5.2 dB in the lines, 0.7 dB in the IF filter at 2 m, 0.6 dB from the near field (10 cm at 2 m), up to
-    1.4 dB for a range bin beside the peak, and 0.6 dB per channel between boards. Real boards measure up to 25 dB below the radar equation
-    (IWR1443BOOST, TI E2E 1436795), and no board measures above it.
+    """Losses are 5.2 dB in the lines, 0.7 dB in the IF filter, 0.6 dB in the near field, up to 1.4 dB beside the peak of a bin, and 0.6 dB
+    per channel between boards. Real boards measure up to 25 dB below the radar equation (TI E2E 1436795), and none above it.
     """
     expected = equation_db(4 * np.pi * 0.1**4 / (3 * WAVELENGTH**2), 2.0)
     peak = db(reflector.power[0, np.abs(reflector.range_m - 2.0) < 0.2].max())
@@ -85,11 +80,8 @@ def test_trihedral_at_2_m_matches_its_link_budget(reflector):
 
 
 def test_leakage_is_at_zero_range_and_below_the_limit(reflector):
-    """On boards of the same family, leakage from transmitter to receiver is -30 to -55 dB (TI E2E 674013: -45). The beat frequency of the
-    leakage is 10 to 30 kHz, that of a few centimetres. At 10 to 30 kHz, two high-pass stages attenuate the leakage by 36 to 50 dB, to -66
-    to -105 dB. For comparison, the ratio of received to transmitted power is -64 dB for the echo of the corner reflector at 2 m. In real
-    captures, the leakage is 13 and 15 dB above the noise of a sample; relative to the noise of a coherent bin, these values are 34 dB
-    higher.
+    """Leakage of -30 to -55 dB (TI E2E 674013) loses 36 to 50 dB in the high-pass stages at its beat of 10 to 30 kHz; the reflector's echo
+    is at -64 dB. In real captures, the leakage is 13 and 15 dB above the noise of a sample, which is 34 dB more above that of a bin.
     """
     near = reflector.power[0, reflector.range_m <= 0.2].max()
     behind = reflector.power[0, (reflector.range_m > 0.3) & (reflector.range_m < 1.5)].max()
@@ -100,10 +92,7 @@ def test_leakage_is_at_zero_range_and_below_the_limit(reflector):
 
 
 def test_power_falls_with_the_fourth_power_of_range():
-    """The specular point of a ball of radius a = 15 mm is at R - a, and its echo power follows 1/((R - a) R)^2, the fourth power of the
-    geometric mean of R - a and R. The gain of the IF filter is divided out by its closed form; then the levels agree within 0.3 dB and the
-    exponent within 0.05.
-    """
+    """The specular point of a ball of radius a is at R - a, and its echo power follows 1/((R - a) R)^2, without the gain of the filter."""
     levels = []
     for distance in DISTANCES_M:
         processed = measured(objects.sphere(BALL_M), distance)

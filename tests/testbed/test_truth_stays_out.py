@@ -23,13 +23,10 @@ TRUTHS = ("materials", "roughness", "contents", "clutter", "antenna", "hardware"
 CASE = Case("corner_reflector", "lab", "turntable", 1.0)
 
 
-@pytest.mark.parametrize("module", ["testbed", "variation", "motion_errors", "fixtures", "unscanned"])
-def test_testbed_imports_no_scan_label_or_settings(module):
+def test_truth_and_twin_do_not_import_each_other_and_the_testbed_no_scan_label_or_settings():
     forbidden = ("radartwin.label", "radartwin.reconstruct", "radartwin.config", "radartwin.builders")
-    assert not [name for name in closure((f"radartwin.testbed.{module}",)) if name.startswith(forbidden)]
-
-
-def test_truth_and_twin_of_a_campaign_do_not_import_each_other():
+    modules = tuple(f"radartwin.testbed.{name}" for name in ("testbed", "variation", "motion_errors", "fixtures", "unscanned"))
+    assert not [name for name in closure(modules) if name.startswith(forbidden)]
     assert not closure(("experiments.campaign.truth",)) & {"experiments.campaign.twin", "experiments.scans.virtual_scan"}
     assert not closure(("experiments.campaign.twin",)) & {"experiments.campaign.truth", "radartwin.testbed.testbed"}
 
@@ -65,13 +62,9 @@ def changed_domains(base: Config, gap: str) -> set[str]:
     return {domain for domain in ("measured", "twin", "void") if requested(0.0, domain) != requested(2.0, domain)}
 
 
-@pytest.mark.parametrize("gap", TRUTHS)
-def test_gap_of_the_truth_changes_only_the_measured_domain(base, gap):
-    assert changed_domains(base, gap) == {"measured"}
-
-
-def test_gap_of_the_scan_changes_only_the_twin(base):
-    assert changed_domains(base, "geometry") == {"twin"}
+@pytest.mark.parametrize("gap", [*TRUTHS, "geometry"])
+def test_gap_changes_the_twin_if_it_is_of_the_scan_and_else_the_measured_domain(base, gap):
+    assert changed_domains(base, gap) == {"twin" if gap == "geometry" else "measured"}
 
 
 @pytest.mark.parametrize("strength", [0.0, 2.0])
