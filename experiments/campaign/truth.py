@@ -106,7 +106,7 @@ def record(case: Case, config: Config) -> Recording | Turned:
     place = _Place(_front_end(radar, case, gaps), nominal, gaps, settings)
     seed, root = seed_of(case, config), root_of(case, config)
     filtered = Hardware(board=case.draw).scaled(gaps.hardware).if_filter
-    if_filter = None if filtered is None else filtered.to_dict()
+    if_filter = None if filtered is None else asdict(filtered)
     provenance = {"kind": "testbed, clean", "if_filter": if_filter}
     creep = _creep(case, place, seed, root) if case.motion == "turntable" else None
     person = _person(case, place, seed, root)
