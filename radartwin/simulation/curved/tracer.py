@@ -133,7 +133,7 @@ class Tracer:
         panes: np.ndarray | None = None,
     ):
         """Prepare the tracing. `panes` is a mask (faces,) of the sheets through which tubes pass; None if there are none."""
-        self.geometry, self.transmit, self.options, self.poses = geometry, transmit, options, grid.poses
+        self.geometry, self.transmit, self.receive, self.options, self.poses = geometry, transmit, receive, options, grid.poses
         self.monostatic = bool(np.array_equal(transmit.position, receive.position))
         self.receivers = None
         axis, bounces = transmit.axis, options.bounces
@@ -219,14 +219,16 @@ class Tracer:
             if options.bounces is not None:
                 reflected &= dr.gather(mi.UInt32, self.most, tubes.pose, active) > bounce
             onwards = [(tubes, contacts.bounce(self.device, tubes, contact, reflected))]
-        if self.receivers is not None:
-            dr.eval(straight, here, contact, near, tubes, active, *(going for _, going in onwards))
-            here, contact, near, lit = self._facing(here, contact, near, active, bounce)
-        reception, walls, seen = self._reception(here, contact, near, clear, lit)
-        lanes = self.setting.lanes(here, contact, reception, walls, lit, corner)
         # Evaluate all ray casts in one kernel, because Dr.Jit would cast the rays of an unevaluated array again at each read.
-        dr.eval(straight, tubes, lanes, seen, *(going for _, going in onwards))
-        hits = self._hits(lanes, seen, bounce, strongest, None if clear else self.panes)
+        moved, hits = (straight, tubes, *(going for _, going in onwards)), []
+        if self.receivers is not None:
+            dr.eval(moved, here, contact, near, active)
+            here, contact, near, lit = self._facing(here, contact, near, active, bounce)
+        if dr.width(here.pose):
+            reception, walls, seen = self._reception(here, contact, near, clear, lit)
+            lanes = self.setting.lanes(here, contact, reception, walls, lit, corner)
+            dr.eval(moved, lanes, seen)
+            hits = self._hits(lanes, seen, bounce, strongest, None if clear else self.panes)
         waiting = []
         for group, more in ((straight, (bounce, crossed + 1)), (onwards, (bounce + 1, crossed))):
             for going, mask in group:
