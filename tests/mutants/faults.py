@@ -180,7 +180,7 @@ simulation/flat/kirchhoff: physics/test_objects_before_walls
 reach_around | share * max((aside + radius) / (0.9 * unit) - REACH, 0.0) | 0.0 | far edges of a hoop around the line do not count
 
 simulation/flat/silhouette: physics/test_silhouette
-_borders | -1 if left else 1 | 1 if left else -1 | left and right ends of intervals are swapped
+_borders | step if rises else -step | -step if rises else step | left and right ends of intervals are swapped
 _intervals | place[n, 0] - right[row, count[row] - 1, 0] < narrowest | True | the gaps between intervals are closed
 
 simulation/flat/shadows: physics/test_silhouette
