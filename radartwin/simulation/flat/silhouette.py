@@ -77,8 +77,9 @@ def skin(geometry: Geometry) -> Skin:
     low, high = vertex.min(axis=0), vertex.max(axis=0)
     centre = (low + high) / 2
     radius = np.linalg.norm(vertex - centre, axis=1).max(keepdims=True)
+    height = np.einsum("fi,fi->f", normal, geometry.corners[:, 0])
     return Skin(
-        vertex, triangles, normal, np.einsum("fi,fi->f", normal, geometry.corners[:, 0]), geometry.hollow_m <= 0, ends[rows], faces, ways, centre, radius, sharp,
+        vertex, triangles, normal, height, geometry.hollow_m <= 0, ends[rows], faces, ways, centre, radius, sharp,
         build(geometry.corners, geometry.surface), np.ones(int(geometry.surface.max(initial=0)) + 1, bool),
     )  # fmt: skip
 
