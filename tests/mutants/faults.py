@@ -193,6 +193,9 @@ _path | part[0, e] * onwards | part[0, e] | later lines do not shadow the edge w
 simulation/flat/legs: physics/test_shadows
 _mirror | dot(toward(start, source, 1.0), vector(sector, i)) > 0 | False | outer edges of a corner end its mirrors
 
+simulation/curved/tracer: physics/test_tubes
+Receivers.of_tubes | self.first[grid[tube]] + place | self.first[grid[tube]] | all receivers of a tube are the first one
+
 simulation/backends/coupling: physics/test_coupling
 group_paths | block.out_leg != block.back_leg | block.out_leg != block.out_leg | paths over the room run in one direction only
 _place | direction[n, i] * velocity[r, i] | 0.0 * velocity[r, i] | paths over the room have no Doppler shift

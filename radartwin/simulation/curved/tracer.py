@@ -217,7 +217,7 @@ class Tracer:
         if bounce < options.max_bounces:
             reflected = active
             if options.bounces is not None:
-                reflected &= dr.gather(mi.UInt32, self.most, tubes.pose, active) > bounce
+                reflected = active & (dr.gather(mi.UInt32, self.most, tubes.pose, active) > bounce)
             onwards = [(tubes, contacts.bounce(self.device, tubes, contact, reflected))]
         # Evaluate all ray casts in one kernel, because Dr.Jit would cast the rays of an unevaluated array again at each read.
         moved, hits = (straight, tubes, *(going for _, going in onwards)), []
