@@ -155,10 +155,11 @@ def receive(clean: Recording, case: Case, config: Config) -> Recording:
     return testbed.received(clean, Hardware(board=case.draw).scaled(gaps.hardware), seed_of(case, config))
 
 
-def _target(case: Case, gaps: testbed.Gaps, seed: int) -> Scene:
-    """Return the true surfaces of the object in the object's own frame. All repetitions of a recording use the same object."""
-    object_seed = int(np.random.SeedSequence([seed, *case.object.encode()]).generate_state(1)[0])
-    made = as_made(every_object()[case.object], gaps.object_shape, np.random.default_rng(object_seed))
+@functools.lru_cache(maxsize=4)
+def _target(name: str, gaps: testbed.Gaps, seed: int) -> Scene:
+    """Return the true surfaces of an object in its own frame. All repetitions of a recording use the same object."""
+    object_seed = int(np.random.SeedSequence([seed, *name.encode()]).generate_state(1)[0])
+    made = as_made(every_object()[name], gaps.object_shape, np.random.default_rng(object_seed))
     return testbed.truth(Scene(made), gaps, object_seed, target=True)
 
 
@@ -214,7 +215,7 @@ def _seen(case: Case, place: _Place, root: int, there: testbed.Actual, shadow: b
     if case.motion in ROVER:  # the placement error moves target and stand together
         off = poses[0] @ np.linalg.inv(place.log.target_poses[0])
         disc, apart = ([s.moved(off) for s in surfaces] for surfaces in (disc, apart))
-    target = list(_target(case, place.gaps, root))
+    target = list(_target(case.object, place.gaps, root))
     if case.motion in RAIL:
         parts = on_carriage(drives, there.sensor_poses, target, poses, place.log.target_poses[0], disc, apart)
     else:
@@ -244,7 +245,7 @@ class _Turning:
 
     def shadow(self) -> Aspects:
         """Return the change of the radar signals by the target's shadow on the paths of the room."""
-        drives, target = _drives(self.case, self.place, self.root), list(_target(self.case, self.place.gaps, self.root))
+        drives, target = _drives(self.case, self.place, self.root), list(_target(self.case.object, self.place.gaps, self.root))
         sensor, radar = self.place.log.sensor_poses, replace(self.place.radar, num_chirps=1)
 
         def chirp(angles: np.ndarray) -> np.ndarray:

@@ -67,8 +67,13 @@ class Geometry:
         """Return whether the geometry consists of a single closed convex body."""
         if not len(self.corners) or not (self.hollow_m > 0).all() or np.ptp(self.surface):
             return False
-        points = self.corners - self.centre
-        return bool(ConvexHull(np.unique(points.reshape(-1, 3), axis=0)).volume <= _signed_volume(points) * (1 + 1e-6))
+        return bool(ConvexHull(self.points[0] - self.centre).volume <= _signed_volume(self.corners - self.centre) * (1 + 1e-6))
+
+    @functools.cached_property
+    def points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the different corners (V, 3), and the indices (F, 3) of the corners of each face among them."""
+        points, index = np.unique(self.corners.reshape(-1, 3), axis=0, return_inverse=True)
+        return points, index.reshape(-1, 3)
 
     @functools.cached_property
     def digest(self) -> str:
@@ -108,7 +113,7 @@ class Geometry:
 
     @functools.cached_property
     def _hull(self) -> np.ndarray:
-        points = np.unique(self.corners.reshape(-1, 3), axis=0)
+        points = self.points[0]
         if len(points) <= 64:
             return points
         try:

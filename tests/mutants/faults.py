@@ -180,7 +180,7 @@ simulation/flat/kirchhoff: physics/test_objects_before_walls
 reach_around | share * max((aside + radius) / (0.9 * unit) - REACH, 0.0) | 0.0 | far edges of a hoop around the line do not count
 
 simulation/flat/silhouette: physics/test_silhouette
-_borders | -1 if left else 1 | 1 if left else -1 | left and right ends of intervals are swapped
+_borders | step if rises else -step | -step if rises else step | left and right ends of intervals are swapped
 _intervals | place[n, 0] - right[row, count[row] - 1, 0] < narrowest | True | the gaps between intervals are closed
 
 simulation/flat/shadows: physics/test_silhouette
@@ -192,6 +192,9 @@ _path | part[0, e] * onwards | part[0, e] | later lines do not shadow the edge w
 
 simulation/flat/legs: physics/test_shadows
 _mirror | dot(toward(start, source, 1.0), vector(sector, i)) > 0 | False | outer edges of a corner end its mirrors
+
+simulation/curved/tracer: physics/test_tubes
+Receivers.of_tubes | self.first[grid[tube]] + place | self.first[grid[tube]] | all receivers of a tube are the first one
 
 simulation/backends/coupling: physics/test_coupling
 group_paths | block.out_leg != block.back_leg | block.out_leg != block.out_leg | paths over the room run in one direction only

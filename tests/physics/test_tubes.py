@@ -132,3 +132,24 @@ def test_poses_of_a_grid_are_independent(material):
         assert set(hits.pose) == set(range(len(poses)))
         values.append(coherent(hits, hits.pose == poses.index(4)))
     assert values[0] == pytest.approx(values[1], rel=2e-2)
+
+
+def test_receivers_of_one_source_see_the_echoes_that_each_sees_alone():
+    variant.activate()
+    surfaces = objects.plate(3, 3).apply_translation([0.6, 0, 0]), objects.sphere(0.05, 4).apply_translation([0.3, 1.0, 0.0])
+    built, table = geometry.build(surfaces), reflection_table.build([("metal", 0.0)] * 2, FREQUENCY)
+    target = geometry.build(surfaces[1:])
+    source, receivers = np.zeros((3, 3)), np.array([[0.0, 0.2, 0.0], [-0.5, 0.3, 0.1], [0.1, 0.0, 0.4]])
+    axis, bounces = np.repeat(UP, 3, axis=0), np.array([2, 1, 2])
+
+    def echoes(rows: np.ndarray) -> np.ndarray:
+        grid = tube_grid.towards(target.hull_points(), source[rows], target.centre, WAVELENGTH, (0.25, 0.25))
+        assert grid is not None
+        transmit, receive = (Antennas(place[rows], axis[rows]) for place in (source, receivers))
+        hits = tubes.trace(built, table, grid, transmit, receive, TraceOptions(2, built.surface, 1, bounces=bounces[rows]))
+        value = hits.amplitude[:, 0] * np.exp(1j * K * (hits.length_in_m + hits.length_out_m))
+        return np.array([value[hits.pose == row].sum() for row in range(len(rows))])
+
+    alone = np.concatenate([echoes(np.array([row])) for row in range(3)])
+    assert np.abs(alone).min() > 0
+    assert echoes(np.arange(3)) == pytest.approx(alone, rel=1e-4)

@@ -69,8 +69,7 @@ def edges(geometry: Geometry) -> Edges:
 
 def _sharp_edges(geometry: Geometry) -> Edges:
     corners = geometry.corners
-    points, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
-    index = index.reshape(-1, 3)
+    points, index = geometry.points
     normals = geometry.area_vectors / np.linalg.norm(geometry.area_vectors, axis=1, keepdims=True)
     pairs = np.sort(np.stack([index, np.roll(index, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     _, first, of, count = np.unique(pairs[:, 0] * len(points) + pairs[:, 1], return_index=True, return_inverse=True, return_counts=True)

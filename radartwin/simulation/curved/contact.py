@@ -3,14 +3,14 @@
 `radartwin.simulation.curved.tubes` explains the formulas and symbols. Import this module only after a Mitsuba variant is active.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
 from radartwin.simulation.curved.device import Device
-from radartwin.simulation.curved.flight import Tubes
+from radartwin.simulation.curved.flight import Tubes, picked
 from radartwin.simulation.visibility import SHORT
 
 COS_GRAZING = 1e-3  # tubes with a smaller cosine of incidence are ignored, because they cannot resolve the echo of a smooth surface
@@ -30,6 +30,11 @@ class Contact:
     cosine: Any  # cosine of the angle of incidence, relative to `normal`
     edges: list[Any]  # two edge vectors of the facet from its first corner, in metres
     normal_turns: list[Any]  # change of the unit vertex normal along each of the two edge vectors
+
+    def picked(self, index: Any, curved: bool) -> "Contact":
+        """Return the contacts at the lane indices `index`; `curved` is that of the geometry."""
+        *values, turns = (getattr(self, field.name) for field in fields(self))
+        return Contact(*picked(values, index), picked(turns, index) if curved else turns)
 
     def mirrored(self, direction: Any) -> Any:
         """Return the direction of a tube after mirror reflection at the surface."""
@@ -83,6 +88,12 @@ def encounter(device: Device, contact: Contact, direction: Any, across: Any, thr
     s = across_incidence(direction, contact.normal)
     code = dr.gather(mi.UInt32, device.surface, contact.face, active) * 2 + int(through)
     return s, (code, dr.abs(contact.cosine), dr.dot(across, s), dr.dot(dr.cross(direction, across), s))
+
+
+def note(device: Device, tubes: Tubes, contact: Contact, active: Any) -> None:
+    """Add the reflection at the contact to the encounters of the tubes."""
+    tubes.across, met = encounter(device, contact, tubes.direction, tubes.across, False, active)
+    tubes.encounters = [*tubes.encounters, met]
 
 
 def cast(device: Device, tubes: Tubes, first: bool, alive: Any = True) -> Any:
@@ -183,7 +194,7 @@ def leave(device: Device, tubes: Tubes, contact: Contact) -> Any:
 
 
 def bounce(device: Device, tubes: Tubes, contact: Contact, active: Any) -> Any:
-    """Reflect the geometry of tubes and find the next facet of each tube. `scatter` must already have noted the encounters of the tubes.
+    """Reflect the geometry of tubes, whose encounters are already noted, and find the next facet of each tube.
 
     Returns:
         A mask of the tubes that meet another facet.

@@ -42,9 +42,10 @@ def blocks(
     walls: Sheets | None,
     panes: bool,
     wavelength_m: float,
+    receivers: int = 1,
 ) -> Iterator[TubeSelection]:
     """Yield the tubes of a grid in blocks. A block holds all tubes of one or more sensor poses. If a pose has more than
-    TUBES_PER_BLOCK tubes, a block holds that many consecutive tubes, also of two poses.
+    TUBES_PER_BLOCK tubes, a block holds that many consecutive tubes, also of two poses. With several receivers, it holds fewer tubes.
 
     The function cuts no tube of a room, whose tubes overlap, and none if the tubes of a pose do not fit into one block.
 
@@ -55,6 +56,7 @@ def blocks(
         options: trace options, of which the function reads the number of bounces, the first cluster, and whether tubes fill a room.
         walls: walls of hollow objects through which the tubes pass; None for tubes that are reflected on the outside of the surfaces.
         panes: whether tubes also pass through sheets. wavelength_m: wavelength in metres.
+        receivers: largest number of receivers of a tube.
     Raises:
         BackendError: the grid has more tubes than MAX_TUBES.
     """
@@ -70,21 +72,15 @@ def blocks(
     small = np.sort(np.ptp(geometry.hull_points(), axis=0))[1:].prod() <= SMALL * wavelength_m**2
     # Test rays do not pass panes, and the far wall of a curved shell has its shadow line where the near wall has it.
     tested = not panes and (small or (options.max_bounces > 1 if walls is None else not device.curved))
-    step = max(1, TUBES_PER_BLOCK // (2 * grid.per_pose))
+    most = max(1, TUBES_PER_BLOCK // receivers)
+    step = max(1, most // (2 * grid.per_pose))
     for low in range(0, grid.poses, step):
-        # poses with equal tubes, such as those of the pairs of one leg to an object and several legs back, are divided once
-        distinct, which = grid.rows(slice(low, low + step)).distinct()
-        poses = 0, distinct.poses
-        sequences = patch_sequences(device, distinct, poses, options, walls) if tested else None
-        cut = borders.cut(geometry, distinct, poses, None if sequences is None else _around(sequences, distinct, SEVERAL), among)
-        index, share, cut = divided(cut, sequences, distinct, poses, device.curved, small)
-        first = np.searchsorted(index, np.arange(distinct.poses + 1) * grid.per_pose)
-        count = np.diff(first)[which]
-        pose = np.repeat(np.arange(len(which)), count)
-        row = np.arange(len(pose)) + (first[which] - np.cumsum(count) + count)[pose]
-        index, share = index[row] + (low + pose - which[pose]) * grid.per_pose, share[row]
-        for start in range(0, len(index), TUBES_PER_BLOCK):
-            part = slice(start, start + TUBES_PER_BLOCK)
+        poses = low, min(low + step, grid.poses)
+        sequences = patch_sequences(device, grid, poses, options, walls) if tested else None
+        cut = borders.cut(geometry, grid, poses, None if sequences is None else _around(sequences, grid, SEVERAL), among)
+        index, share, cut = divided(cut, sequences, grid, poses, device.curved, small)
+        for start in range(0, len(index), most):
+            part = slice(start, start + most)
             tubes = index[part].astype(np.uint32)
             yield TubeSelection(tubes, share[part], cut) if len(cut.square) else TubeSelection(tubes)
 

@@ -11,7 +11,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from radartwin.simulation.curved.contact import Contact, encounter
+from radartwin.simulation.curved.contact import Contact
 from radartwin.simulation.curved.device import Device
 from radartwin.simulation.curved.flight import WHOLE, PieceArrays, Tubes
 
@@ -37,7 +37,7 @@ class Reception(NamedTuple):
 def scatter(
     device: Device, tubes: Tubes, contact: Contact, reception: Reception, wavenumber: Any, active: Any, corner: Any = None
 ) -> list[Any]:
-    """Add the reflection at the contact to the encounters of the tubes, and compute how the receiver sees the reflected tubes.
+    """Compute how the receiver sees the reflected tubes, whose reflection at the contact is already among their encounters.
 
     The array `corner` holds the corners of the pieces among the tubes, as in `flight.PieceArrays`.
 
@@ -47,9 +47,8 @@ def scatter(
     re, im = _footprint(device, tubes, contact, reception, wavenumber, active, corner)
     re, im = dr.select(tubes.caustics & 1 == 1, -im, re), dr.select(tubes.caustics & 1 == 1, re, im)
     sign = dr.select(tubes.caustics & 2 == 2, mi.Float(-1.0), 1.0)
-    s, met = encounter(device, contact, tubes.direction, tubes.across, False, active)
-    tubes.across, tubes.encounters = s, [*tubes.encounters, met]
-    fields = [(way, e) for way in (tubes.direction, contact.mirrored(tubes.direction)) for e in (s, dr.cross(way, s))]
+    s, ways = tubes.across, (tubes.direction, contact.mirrored(tubes.direction))
+    fields = [(way, e) for way in ways for e in (s, dr.cross(way, s))]
     radiated = []
     for way, e in fields:
         electric = dr.cross(contact.normal, dr.cross(way, e))

@@ -5,8 +5,8 @@
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -75,6 +75,7 @@ class Setting:
         tubes = flight.start(self.grid, self.transmit_axis, self.transmit_cross, index, pieces)
         contact, active = contacts.meet(self.device, tubes, True, contacts.cast(self.device, tubes, True))
         active = self.device.in_cluster(contact.face, active)
+        contacts.note(self.device, tubes, contact, active)
         reception, seen = self.reception(tubes.pose, contact, active)
         lanes = self.lanes(tubes, contact, reception, [], active, None if pieces is None else pieces.corner)
         dr.eval(lanes, seen)
@@ -87,6 +88,32 @@ class Setting:
 _SINGLE_BOUNCE = {
     kind: dr.freeze(Setting.single_bounce, limit=64, warn_after=1_000_000) for kind in itertools.product((False, True), repeat=3)
 }
+
+
+class Receivers(NamedTuple):
+    """Describe which receivers see the tubes of G different grids, for F sensor poses of which several can have one grid.
+
+    Attributes:
+        pose: (F,) sensor poses, ordered by grid. first, count: (G,) place of the first pose of each grid in `pose`, and their number.
+    """
+
+    pose: np.ndarray
+    first: np.ndarray
+    count: np.ndarray
+
+    @staticmethod
+    def of(which: np.ndarray) -> "Receivers":
+        """Return the receivers of sensor poses with grids `which` (F,)."""
+        count = np.bincount(which)
+        return Receivers(np.argsort(which, kind="stable"), np.cumsum(count) - count, count)
+
+    def of_tubes(self, grid: np.ndarray, active: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the index (N,) of each active tube, once for each of its receivers, and the sensor pose (N,) of this receiver."""
+        alive = np.flatnonzero(active)
+        count = self.count[grid[alive]]
+        tube = np.repeat(alive, count)
+        place = np.arange(len(tube)) - np.repeat(np.cumsum(count) - count, count)
+        return tube, self.pose[self.first[grid[tube]] + place]
 
 
 class Tracer:
@@ -106,17 +133,26 @@ class Tracer:
         panes: np.ndarray | None = None,
     ):
         """Prepare the tracing. `panes` is a mask (faces,) of the sheets through which tubes pass; None if there are none."""
-        self.geometry, self.grid, self.transmit, self.receive, self.options = geometry, grid, transmit, receive, options
+        self.geometry, self.transmit, self.receive, self.options, self.poses = geometry, transmit, receive, options, grid.poses
+        self.monostatic = bool(np.array_equal(transmit.position, receive.position))
+        self.receivers = None
+        axis, bounces = transmit.axis, options.bounces
+        if not (self.monostatic or grid.plane):
+            first, which = grid.distinct(axis)
+            if len(first) < grid.poses:
+                self.receivers = Receivers.of(which)
+                grid, axis = grid.rows(first), axis[first]
+                bounces = None if bounces is None else np.maximum.reduceat(bounces[self.receivers.pose], self.receivers.first)
+        self.grid = grid
         self.device = Device.of(geometry, options)
         self.coefficients = Coefficients(table, table if shells is None else shells.inside)
         self.walls = None if shells is None else Sheets(self.device, shells.faces)
         self.panes = None if panes is None else Sheets(self.device, panes)
-        self.most = None if options.bounces is None else upload(mi.UInt32, options.bounces)
+        self.most = None if bounces is None else upload(mi.UInt32, bounces)
         self.large = grid.per_pose > division.TUBES_PER_BLOCK  # then tubes that hit nothing are dropped first
         self.wavelength_m = SPEED_OF_LIGHT / float(table.frequencies_hz.mean())
-        self.monostatic = bool(np.array_equal(transmit.position, receive.position))
         self.setting = Setting(
-            self.device, flight.on_device(grid), vectors(transmit.axis), vectors(receive.position), vectors(receive.axis),
+            self.device, flight.on_device(grid), vectors(axis), vectors(receive.position), vectors(receive.axis),
             dr.opaque(mi.Float, 2 * np.pi * float(table.frequencies_hz.mean()) / SPEED_OF_LIGHT), transmit.cross, receive.cross,
         )  # fmt: skip
         # The receiver sees the first hit of every tube, and no tube is traced beyond this hit.
@@ -125,7 +161,9 @@ class Tracer:
     def hits(self) -> list[Hits]:
         """Return the hits of all tubes of the grid."""
         variant.share_threads()
-        blocks = division.blocks(self.device, self.grid, self.geometry, self.options, self.walls, self.panes is not None, self.wavelength_m)
+        most = 1 if self.receivers is None else int(self.receivers.count.max())
+        panes = self.panes is not None
+        blocks = division.blocks(self.device, self.grid, self.geometry, self.options, self.walls, panes, self.wavelength_m, most)
         return [part for selection in blocks for part in self._block(selection)]
 
     def _block(self, selection: flight.TubeSelection) -> Iterator[Hits]:
@@ -134,7 +172,7 @@ class Tracer:
         Tubes that meet a pane continue twice, reflected and straight on. Tubes that are traced together have the same number of bounces and
         have crossed the same number of panes.
         """
-        strongest = np.zeros(self.grid.poses)
+        strongest = np.zeros(self.poses)
         index, pieces = upload(mi.UInt32, selection.index), flight.PieceArrays.of(selection)
         if self.single:
             recorded = _SINGLE_BOUNCE[self.transmit.cross, self.receive.cross, self.grid.plane]
@@ -174,16 +212,23 @@ class Tracer:
             straight = [(copies, contacts.cast(self.device, copies, False, passing))]
         # If transmitter and receiver are at one point, the receiver sees the first hit of every tube.
         clear = self.monostatic and bounce == 1 and crossed == 0
-        reception, walls, seen = self._reception(tubes, contact, near, clear, active)
-        lanes = self.setting.lanes(tubes, contact, reception, walls, active, corner)
+        contacts.note(self.device, tubes, contact, active)
+        here, lit = replace(tubes), active
         if bounce < options.max_bounces:
             reflected = active
             if options.bounces is not None:
-                reflected &= dr.gather(mi.UInt32, self.most, tubes.pose, active) > bounce
+                reflected = active & (dr.gather(mi.UInt32, self.most, tubes.pose, active) > bounce)
             onwards = [(tubes, contacts.bounce(self.device, tubes, contact, reflected))]
         # Evaluate all ray casts in one kernel, because Dr.Jit would cast the rays of an unevaluated array again at each read.
-        dr.eval(straight, tubes, lanes, seen, *(going for _, going in onwards))
-        hits = self._hits(lanes, seen, bounce, strongest, None if clear else self.panes)
+        moved, hits = (straight, tubes, *(going for _, going in onwards)), []
+        if self.receivers is not None:
+            dr.eval(moved, here, contact, near, active)
+            here, contact, near, lit = self._facing(here, contact, near, active, bounce)
+        if dr.width(here.pose):
+            reception, walls, seen = self._reception(here, contact, near, clear, lit)
+            lanes = self.setting.lanes(here, contact, reception, walls, lit, corner)
+            dr.eval(moved, lanes, seen)
+            hits = self._hits(lanes, seen, bounce, strongest, None if clear else self.panes)
         waiting = []
         for group, more in ((straight, (bounce, crossed + 1)), (onwards, (bounce + 1, crossed))):
             for going, mask in group:
@@ -191,6 +236,22 @@ class Tracer:
                 if dr.width(alive):
                     waiting.append((going.compacted(alive), more))
         return hits, waiting
+
+    def _facing(self, tubes: Tubes, contact: Contact, near: Contact, active: Any, bounce: int) -> tuple[Tubes, Contact, Contact, Any]:
+        """Return the tubes and contacts that face a receiver, once for each of these receivers, and a mask of true. The field `pose` of the
+        tubes is then that of the receiver.
+        """
+        assert self.receivers is not None
+        tube, pose = self.receivers.of_tubes(tubes.pose.numpy(), active.numpy())
+        if self.options.bounces is not None:
+            tube, pose = (values[self.options.bounces[pose] >= bounce] for values in (tube, pose))
+        index, pose, curved = upload(mi.UInt32, tube), upload(mi.UInt32, pose), self.device.curved
+        chosen = dr.compress(self.setting.reception(pose, contact.picked(index, curved), mi.Bool(True))[1]) if len(tube) else index
+        index, pose = picked([index, pose], chosen)
+        here = tubes.compacted(index)
+        here.pose = pose
+        picks = contact.picked(index, curved)
+        return here, picks, picks if near is contact else near.picked(index, curved), mi.Bool(True)
 
     def _hits(self, lanes: list, seen: Any, bounce: int, strongest: np.ndarray, panes: Sheets | None = None) -> list[Hits]:
         """Return the hits among the results `lanes` of `Setting.lanes` that the mask `seen` selects, also behind `panes`."""

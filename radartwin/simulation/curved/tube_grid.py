@@ -44,11 +44,13 @@ class TubeGrid:
         names = "source", "forward", "u_axis", "v_axis", "low_u", "low_v", "step_u", "step_v"
         return replace(self, **{name: getattr(self, name)[keep] for name in names})
 
-    def distinct(self) -> tuple["TubeGrid", np.ndarray]:
-        """Return the grids of the sensor poses that have different grids, and for each pose the number (F,) of its grid among these."""
-        starts = self.source, self.forward, self.u_axis, self.low_u[:, None], self.low_v[:, None]
+    def distinct(self, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the sensor poses that have different grids or axes (F, 3) of the transmit antenna, and for each pose the number (F,) of
+        its grid and axis among these.
+        """
+        starts = self.source, self.forward, self.u_axis, self.low_u[:, None], self.low_v[:, None], axis
         _, first, which = np.unique(np.concatenate(starts, axis=1), axis=0, return_index=True, return_inverse=True)
-        return self.rows(first), which.ravel()
+        return first, which.ravel()
 
 
 def frame_towards(forward: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

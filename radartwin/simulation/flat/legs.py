@@ -83,7 +83,7 @@ class Legs:
         side = np.array([0 if field is None else len(field) for field in fields], int)
         first = np.cumsum([0, *side[:-1] ** 3])
         values = np.concatenate([np.zeros((0, amplitude.shape[1])), *(f.reshape(-1, f.shape[3]) for f in fields if f is not None)])
-        grids = fixed(values.astype(complex, copy=False)), first, side, number[code], self.low, self.size
+        grids = fixed(values.astype(complex, copy=False).view(float)), first, side, number[code], self.low, self.size
         arguments = *grids, place, np.ascontiguousarray(point)
         shared_out(_weigh, len(amplitude), *arguments, amplitude, grain=1000)
 
@@ -98,30 +98,30 @@ def _weigh(
     The field is interpolated linearly at points (N, 3).
 
     Args:
-        values: (K, Q) fields on the grids (side, side, side) of all legs, one after another. first, sides: (M,) first row and side of each;
-            a leg of side 0 has no field. number: (N,) leg of each row.
+        values: (K, 2 Q) real and imaginary parts of the fields on the grids (side, side, side) of all legs, one after another. first,
+            sides: (M,) first row and side of each; a leg of side 0 has no field. number: (N,) leg of each row.
         low, size: (U, 3) lowest corner and edge length of the cubes. place: (N,) cube of each row.
     """
-    corners, weights = np.empty(8, np.int64), np.empty(8)
+    total = np.empty(values.shape[1])
     for i in range(begin, stop):
         side = sides[number[i]]
         if side == 0:
-            for q in range(values.shape[1]):
+            for q in range(amplitude.shape[1]):
                 amplitude[i, q] = 0
             continue
         lowest, u = vector(low, place[i]), vector(point, i)
         x, x_share = _cell((u[0] - lowest[0]) / size, side)
         y, y_share = _cell((u[1] - lowest[1]) / size, side)
         z, z_share = _cell((u[2] - lowest[2]) / size, side)
+        total[:] = 0
         for corner in range(8):
             a, b, c = corner & 1, (corner >> 1) & 1, corner >> 2
-            weights[corner] = (x_share if a else 1 - x_share) * (y_share if b else 1 - y_share) * (z_share if c else 1 - z_share)
-            corners[corner] = first[number[i]] + ((x + a) * side + y + b) * side + z + c
-        for q in range(values.shape[1]):
-            total = 0j
-            for corner in range(8):
-                total += weights[corner] * values[corners[corner], q]
-            amplitude[i, q] *= total
+            weight = (x_share if a else 1 - x_share) * (y_share if b else 1 - y_share) * (z_share if c else 1 - z_share)
+            row = first[number[i]] + ((x + a) * side + y + b) * side + z + c
+            for q in range(len(total)):
+                total[q] += weight * values[row, q]
+        for q in range(amplitude.shape[1]):
+            amplitude[i, q] *= complex(total[2 * q], total[2 * q + 1])
 
 
 @innermost

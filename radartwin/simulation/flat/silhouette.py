@@ -33,8 +33,8 @@ class Skin(NamedTuple):
     """Hold the surface of a body with V vertices, F faces and E edges.
 
     Attributes:
-        vertex: (V, 3) metres. corners: (F, 3) vertices of each face. normal: (F, 3). sheet: (F,) whether a face belongs to an open mesh,
-            which hides from both sides.
+        vertex: (V, 3) metres. corners: (F, 3) vertices of each face. normal: (F, 3). height: (F,) normal . corner of each face. sheet:
+            (F,) whether a face belongs to an open mesh, which hides from both sides.
         ends: (E, 2) vertices of each edge. faces: (E, 2) its faces; -1: none. forward: (E, 2) whether the order of the corners of each of
             these faces runs along the edge.
         centre: (3,) of a ball around the body. radius: (1,) of this ball.
@@ -45,6 +45,7 @@ class Skin(NamedTuple):
     vertex: np.ndarray
     corners: np.ndarray
     normal: np.ndarray
+    height: np.ndarray
     sheet: np.ndarray
     ends: np.ndarray
     faces: np.ndarray
@@ -76,8 +77,9 @@ def skin(geometry: Geometry) -> Skin:
     low, high = vertex.min(axis=0), vertex.max(axis=0)
     centre = (low + high) / 2
     radius = np.linalg.norm(vertex - centre, axis=1).max(keepdims=True)
+    height = np.einsum("fi,fi->f", normal, geometry.corners[:, 0])
     return Skin(
-        vertex, triangles, normal, geometry.hollow_m <= 0, ends[rows], faces, ways, centre, radius, sharp,
+        vertex, triangles, normal, height, geometry.hollow_m <= 0, ends[rows], faces, ways, centre, radius, sharp,
         build(geometry.corners, geometry.surface), np.ones(int(geometry.surface.max(initial=0)) + 1, bool),
     )  # fmt: skip
 
@@ -93,8 +95,8 @@ def outline(body: Skin, viewer: np.ndarray, wavenumber: float, out: np.ndarray) 
     if away < 1e-6:
         return 0
     frame = picture_axes(toward(viewer, body.centre, away))
-    seen = _projected(body.vertex, viewer, frame, away)
-    edges, steps = _borders(body, viewer, seen)
+    seen = np.empty(body.vertex.shape)
+    edges, steps = _borders(body, viewer, frame, away, seen)
     if not len(edges):
         return 0
     tolerance = TOLERANCE * math.sqrt(2 * math.pi / wavenumber * away)
@@ -106,7 +108,9 @@ def outline(body: Skin, viewer: np.ndarray, wavenumber: float, out: np.ndarray) 
         if number >= 0:
             break
         tolerance, few = 2 * tolerance, False
-    sharp = _projected(body.sharp.reshape(-1, 3), viewer, frame, away).reshape(body.sharp.shape)
+    sharp = np.empty(body.sharp.shape)
+    for i in range(2 * len(sharp)):
+        put(sharp[i // 2], i % 2, _projected(body.sharp[i // 2, i % 2], viewer, frame, away))
     number = _between(sharp, wavenumber, away, out, number)
     for e in range(number):
         for k in range(2):  # from the picture to space
@@ -124,49 +128,42 @@ def picture_axes(view: Point) -> tuple[Vector, Vector, Vector]:
     return cross(up, view), up, (view[0], view[1], view[2])
 
 
-@inner
-def _projected(points: np.ndarray, viewer: np.ndarray, frame: tuple, away: float) -> np.ndarray:
-    """Return points (V, 3) in the picture: to the right and up in metres at the distance `away`, and the depth in metres."""
-    out = np.empty(points.shape)
-    for i in range(len(out)):
-        way = toward(viewer, points[i], 1.0)
-        depth = max(dot(frame[2], way), CLIP * away)
-        out[i, 0], out[i, 1], out[i, 2] = dot(frame[0], way) * away / depth, dot(frame[1], way) * away / depth, depth
-    return out
+@innermost
+def _projected(point: Point, viewer: Point, frame: tuple, away: float) -> Vector:
+    """Return a point (3,) in the picture: to the right and up in metres at the distance `away`, and the depth in metres."""
+    way = toward(viewer, point, 1.0)
+    depth = max(dot(frame[2], way), CLIP * away)
+    return dot(frame[0], way) * away / depth, dot(frame[1], way) * away / depth, depth
 
 
 @inner
-def _borders(body: Skin, viewer: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the edges (N,) at which the number of layers changes, and the change (N,) of this number from left to right.
+def _borders(body: Skin, viewer: np.ndarray, frame: tuple, away: float, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the edges (N,) at which the number of layers changes, and the change (N,) of this number from left to right. The places of
+    their ends in the picture are written to `seen` (V, 3).
 
     A layer is a face that hides the space behind it: a face that looks at the viewer if its mesh is closed, and any face of an open mesh.
     """
-    layer, positive = np.empty(len(body.corners), np.bool_), np.empty(len(body.corners), np.bool_)
-    nearest = CLIP * distance(body.centre, viewer)
+    # 1 for a layer whose corners run clockwise in the picture, -1 if they run counter-clockwise, and 0 for any other face. All edges of a
+    # face use this one number, so that the changes in a row cancel even for a face seen edge-on.
+    layer, close = np.empty(len(body.corners), np.int8), away - body.radius[0] <= CLIP * away
     for f in range(len(layer)):
-        a, b, c = body.corners[f]
-        # All edges of a face use this one sign of the order of its corners, so that the changes in a row cancel even for a face seen
-        # edge-on.
-        positive[f] = (seen[b, 0] - seen[a, 0]) * (seen[c, 1] - seen[a, 1]) > (seen[b, 1] - seen[a, 1]) * (seen[c, 0] - seen[a, 0])
-        side = 0.0
-        for k in range(3):
-            side += (viewer[k] - body.vertex[a, k]) * body.normal[f, k]
-        layer[f] = (side > 0 or body.sheet[f]) and min(seen[a, 2], seen[b, 2], seen[c, 2]) > nearest
+        side = dot(viewer, body.normal[f]) - body.height[f]
+        layer[f] = 1 if side > 0 else -1 if body.sheet[f] else 0
+        for k in range(3 if close else 0):
+            if dot(frame[2], toward(viewer, body.vertex[body.corners[f, k]], 1.0)) <= CLIP * away:
+                layer[f] = 0
     edges, steps = np.empty(len(body.ends), np.int64), np.empty(len(body.ends), np.int64)
     count = 0
     for e in range(len(body.ends)):
         face, other = body.faces[e]
-        if not layer[face] and (other < 0 or not layer[other]):
-            continue
-        rises = seen[body.ends[e, 0], 1] <= seen[body.ends[e, 1], 1]
-        step = 0
-        for k in range(2):
-            f = body.faces[e, k]
-            if f >= 0 and layer[f]:
-                left = (body.forward[e, k] == rises) == positive[f]  # the face is on the left of the rising edge
-                step += -1 if left else 1
+        step = layer[face] if body.forward[e, 0] else -layer[face]
+        if other >= 0:
+            step += layer[other] if body.forward[e, 1] else -layer[other]
         if step:
-            edges[count], steps[count] = e, step
+            for k in range(2):
+                put(seen, body.ends[e, k], _projected(body.vertex[body.ends[e, k]], viewer, frame, away))
+            rises = seen[body.ends[e, 0], 1] <= seen[body.ends[e, 1], 1]
+            edges[count], steps[count] = e, step if rises else -step
             count += 1
     return edges[:count], steps[:count]
 
