@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ def twin(shift: float, frame_s: float, figure: float | None) -> Twin:
     return Twin(pd.DataFrame(columns | {"setups": setups, "frames": 36}), figures)
 
 
-def cell(rows: list[dict], setting: str, metric: str) -> dict:
+def cell(rows: Iterable[Mapping[str, Any]], setting: str, metric: str) -> Mapping[str, Any]:
     (row,) = [row for row in rows if (row["setting"], row["metric"]) == (setting, metric)]
     return row
 

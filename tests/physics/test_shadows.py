@@ -81,7 +81,7 @@ def exact_mirror(shape, source, receiver=None):
 def shadow(mesh, source, receiver):
     """Return the factor of a line past flat faces. The source is moved as in legs, so that no line hits an edge exactly."""
     body = geometry.build([mesh])
-    normals = trimesh.util.unitize(np.cross(*np.diff(body.corners, axis=1).transpose(1, 0, 2)).reshape(-1, 3))
+    normals = np.asarray(trimesh.util.unitize(np.cross(*np.diff(body.corners, axis=1).transpose(1, 0, 2)).reshape(-1, 3)))
     body = replace(body, normals=np.repeat(normals[:, None], 3, axis=1))  # also the facets of a round column are flat faces
     found, tree, none = faces.find(body, 1e-3)[0], obstacles.build(body.corners, body.surface), (0.0, 0.0, 0.0)
     line = shadows.line_of(tuple(np.array(source, float) + legs.NUDGE / K), tuple(np.array(receiver, float)), 0.0, 0.0, none, none)
