@@ -18,7 +18,7 @@ from radartwin.scene import objects, rooms
 from radartwin.scene.rooms.parts import FINISHES
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation import poses
-from radartwin.simulation.backends import sionna_scene
+from radartwin.simulation.backends import sionna, sionna_scene
 from radartwin.simulation.backends.backend import backend
 from radartwin.simulation.backends.mitsuba import MitsubaBackend, TraceSettings
 from radartwin.simulation.paths import Paths
@@ -176,3 +176,14 @@ def test_moving_plate_hides_the_wall_behind_it():
     (found,) = backend("sionna", max_bounces=1).paths(rt.Scene([wall, plate]), RADAR, poses.repeated(HERE, 2), {"plate": course})
     assert found.pose.tolist() == [0, 1]
     assert np.round(found.length_m / 2, 6).tolist() == [3.0, 2.0]
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:sionna:UserWarning")
+@pytest.mark.parametrize("room", ["lab", "atrium", "squash_court"])
+def test_default_rays_find_the_paths_of_ten_times_as_many(room):
+    scene, pose = rooms.room(room, detail="furnished"), pose_in(room, 0, 0)[None]
+    few, many = (backend("sionna", rays=rays).paths(scene, RADAR, pose)[0] for rays in (None, 10 * sionna.RAYS))
+    level = 20 * np.log10(np.abs(many.amplitude).mean(axis=1))
+    for i in np.flatnonzero(level > level.max() - 40):
+        assert (np.abs(few.length_m - many.length_m[i]) < 1e-6).any()

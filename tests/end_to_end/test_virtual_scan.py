@@ -13,10 +13,13 @@ import numpy as np
 import pytest
 import trimesh
 
+from experiments.scans.accuracy import accuracy
 from experiments.scans.scan import FEWEST, TARGETS, case_rows, scores
 from experiments.scans.virtual_scan import SHIPPED_SEED, SHIPPED_STRENGTH, scanned, shipped_file, unpack
+from radartwin.reconstruct.fusion.fusion import fuse
 from radartwin.scene import rooms
 from radartwin.scene.scene import Scene
+from radartwin.testbed.scanner import scan
 
 pytestmark = pytest.mark.slow
 # (room, strength) -> lowest accepted recall and precision, a little below the values of seed 0. Other metrics use the limits of the table.
@@ -109,3 +112,12 @@ def test_half_a_million_triangles_need_less_than_four_gigabytes(tmp_path):
     core_seconds, gibibytes = map(float, subprocess.run(command, check=True, capture_output=True, text=True).stdout.split())
     assert core_seconds < 120  # limit in core seconds; two cores need 60 s
     assert gibibytes < 4.0
+
+
+def test_drift_correction_halves_the_error():
+    """The same virtual scan is reconstructed with and without drift correction; the correction must halve the geometric error."""
+    scene = rooms.lab()
+    frames, truth = scan(scene, seed=1, colour_every=0)
+    refined, rough = (accuracy(fuse(frames, refine=refine)[0], scene, truth, frames) for refine in (True, False))
+    assert refined.median_m < 0.5 * rough.median_m
+    assert refined.p95_m < 0.5 * rough.p95_m

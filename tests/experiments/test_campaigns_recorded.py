@@ -19,6 +19,7 @@ from experiments.turntable import environment
 from radartwin.config.compose import compose
 from radartwin.config.config import Config
 from radartwin.errors import InputError, UserError
+from radartwin.features.envelope import frames_per_revolution
 from radartwin.io.progress import Progress
 from radartwin.radar.recording import Recording
 from radartwin.recordings.examine import examine
@@ -274,3 +275,12 @@ def test_only_straight_drives_share_a_track() -> None:
     swaying[:, 0, 3] += 0.005 * np.sin(np.arange(50) / 5)
     assert straight(swaying)
     assert not any(straight(poses) for poses in (weaving, turning))
+
+
+@pytest.mark.parametrize(("rate_hz", "period_s", "frames"), [(10.0, "10.25", 103), (10.0, "25", 250), (20.0, "0.5", 10)])
+def test_the_twins_revolution_fits_the_features(folder: Path, tmp_path: Path, rate_hz: float, period_s: str, frames: int) -> None:
+    campaign = turning(folder, tmp_path, rate_hz, period_s)
+    angle = campaign.log(campaign.cases("twin")[0], "twin").angle_rad
+    assert angle is not None
+    assert len(angle) == frames_per_revolution(angle)
+    assert len(angle) == pytest.approx(frames, abs=1)

@@ -60,3 +60,10 @@ def test_cell_of_a_failed_check_is_empty(monkeypatch: pytest.MonkeyPatch) -> Non
     line = positioning.row(OURS)
     assert (line["multipath"], line["real scene"], line["verdict"]) == ("", "as ever", "misses")
     assert line["value"] == pytest.approx(6 / 7)
+
+
+def test_rfgenesis_has_one_bounce_and_one_material() -> None:
+    """The paper of RF-Genesis claims multipath propagation, but the released program traces one bounce and one material."""
+    line = positioning.row("RF-Genesis")
+    assert (line["verdict"], line["value"], line["n"]) == ("misses", 0.5, 2)
+    assert "multipath: no (1-bounce), not yes" in line["checked here"]

@@ -90,6 +90,8 @@ def test_objects_are_placed_by_numbers_and_removed(server: Any) -> None:
     page.remove_object("b")
     page.show(tracer.answer(page.setting))
     assert "no echoes" in page.controls._map_caption.content
+    sector = page.controls._map.image[:, :430].astype(int)  # without the bar of colours
+    assert not (sector[..., 1] > sector[..., 2] + 60).any(), "no green or yellow"
 
 
 @pytest.mark.parametrize("name", ["atrium", "lab", "squash_court"])

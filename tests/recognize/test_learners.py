@@ -120,3 +120,13 @@ def test_messages_name_the_mistake() -> None:
     fitted = SMALL["convolution"].fit(split("convolution"), ANCHORS, SETTINGS, 0)
     with pytest.raises(ValueError, match=r"not rows of shape \(72, 6\)"):
         fitted.embedded(vectors.test)
+
+
+@each_learner
+def test_rows_of_classes_outside_the_training_are_embedded(name: str) -> None:
+    """A learner of three classes predicts one of them for rows of a fourth class, and embeds these rows."""
+    known = OBJECTS[:3]
+    data = label_free(samples(name, SIMULATED, 1, objects=known), samples(name, MEASURED, 2))
+    fitted = SMALL[name].fit(data, ANCHORS, SETTINGS, 0)
+    assert set(fitted.predict(data.unlabelled)) <= set(known)
+    assert np.isfinite(fitted.embedded(data.test).values).all()

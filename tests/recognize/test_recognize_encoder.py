@@ -81,3 +81,8 @@ def test_messages_name_the_mistake():
         fit(split(), ANCHORS, replace(SETTINGS, epochs=1)).encoder.embed(np.zeros((2, 4)))
     with pytest.raises(ValueError, match="not those of two layers"):
         Encoder({"hidden_weight": np.zeros((2, 2), np.float32)})
+
+
+def test_training_without_simulated_rows_takes_all_epochs():
+    known, rest = draw_shots(rows(MEASURED, 2, each=4, copies=1), 2, seed=0)
+    assert fit(Split("few_shot", known, rest, 2), ANCHORS, SETTINGS).epochs == SETTINGS.epochs

@@ -9,8 +9,10 @@ from built_rooms import DOOR, EDGE_M, SIZE, WINDOW, H, L, W, X, Y, Z, block, inn
 from shapely import Polygon
 
 from experiments.scans.segment_score import score_scene
+from radartwin.benchmark.signal_error import profiles
 from radartwin.io.progress import Progress
 from radartwin.radar.chirp import Radar
+from radartwin.radar.processing import decibels
 from radartwin.reconstruct.build import ScanOptions, reconstruct
 from radartwin.reconstruct.outlines import meeting_planes
 from radartwin.reconstruct.outlines.assembly import ERROR_M, simplified
@@ -21,7 +23,10 @@ from radartwin.reconstruct.outlines.surfaces import flattened
 from radartwin.reconstruct.segmentation.grid import Grid
 from radartwin.reconstruct.segmentation.segment import segmented
 from radartwin.scene.rooms import rectangle
+from radartwin.scene.scene import Scene, Surface
+from radartwin.scene.trajectories.trajectory import look_at
 from radartwin.simulation.backends.static_scene import static_scene
+from radartwin.simulation.simulate import simulate
 
 
 def test_noisy_room_becomes_six_rectangles_with_shared_corners(tmp_path):
@@ -209,3 +214,17 @@ def test_parts_are_simplified_within_the_stated_error():
     away = np.abs(np.linalg.norm(piece.triangles_center, axis=1) - 0.4)
     assert error <= ERROR_M
     assert np.quantile(away, 0.95) < ERROR_M  # measured against the sphere itself
+
+
+@pytest.mark.slow
+def test_box_and_its_reconstruction_have_the_same_range_profiles(tmp_path):
+    box = trimesh.creation.box((4, 3, 2.5)).apply_transform(trimesh.transformations.rotation_matrix(np.radians(17), Z))
+    box.invert()
+    scene = reconstruct(saved(box, tmp_path), options=ScanOptions(up="z"), material="concrete")
+    radar, original = Radar.iwr1843(), Scene([Surface(box, "concrete", "box", role="room")])
+    for x, y in itertools.product((-0.8, 0.0, 0.9), repeat=2):
+        pose = look_at([x, y, 0.1 * x], [2.0, 1.0, 0.2])[None]
+        level_db, original_db = (decibels(profiles(simulate(room, radar, pose).iq, radar)) for room in (scene, original))
+        error_db = (level_db - original_db)[original_db > original_db.max() - 30]
+        assert np.sqrt(np.mean(error_db**2)) < 0.5
+        assert np.abs(error_db).max() < 1.5

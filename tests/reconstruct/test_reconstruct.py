@@ -1,11 +1,12 @@
 """Test the files that a reconstruction writes, and the error messages for scans that cannot be used."""
 
+import time
 from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
-from built_rooms import WINDOW, coloured, saved, scan, shell, truth, with_door
+from built_rooms import WINDOW, coloured, modelled, saved, scan, shell, truth, with_door
 from made_files import refused
 from PIL import Image
 from trimesh.visual import TextureVisuals
@@ -14,6 +15,9 @@ from trimesh.visual.material import PBRMaterial
 from radartwin.errors import MissingError, OutputError
 from radartwin.label.photos import load_textured
 from radartwin.reconstruct.build import FACE_SURFACES_FILE, MESH_FILE, ScanOptions, distinct_views, reconstruct, summary
+from radartwin.reconstruct.outlines.assembly import assembled
+from radartwin.reconstruct.outlines.surfaces import flattened
+from radartwin.reconstruct.segmentation.segment import segmented
 from radartwin.scene.mesh_file import TO_Z_UP
 from radartwin.scene.scene import Scene
 
@@ -102,3 +106,26 @@ def test_only_a_scene_that_radartwin_wrote_is_replaced(tmp_path):
     (out / "manifest.json").unlink()  # as an interrupted reconstruction leaves the folder
     reconstruct(path, out)
     assert Scene.load(out).names
+
+
+@pytest.mark.slow
+def test_room_of_many_planes_takes_at_most_four_minutes_and_says_so_early():
+    """The times are of the processor, because the machine may be shared."""
+    mesh = modelled()
+    began = time.process_time()
+    segments = segmented(mesh)
+    planes = sum(s.normal is not None for s in segments)
+    assert len(mesh.faces) > 65_000
+    assert planes > 1300
+    times = []
+
+    def over(numbers):
+        for number in numbers:
+            times.append(time.process_time())
+            yield number
+
+    assembled(mesh, flattened(mesh, segments, over=over), "plasterboard")
+    assert time.process_time() - began < 240
+    early = next(k for k, t in enumerate(times) if t - times[0] > 5)
+    estimate = (times[early] - times[0]) / early * len(times)  # as `Progress` computes it
+    assert 0.5 < estimate / (times[-1] - times[0]) < 2
