@@ -9,15 +9,13 @@ from experiments.cells import Cell, first_draw, keys, table_rows
 from experiments.drawing import Figure
 from experiments.draws import Query
 from experiments.interface import Config, Progress, Result, Store, Table
-from experiments.recognition.copies import Copied, copies
 from experiments.verdicts import Row
 
 Figures = Mapping[str, Callable[[], Figure]]
 
 
-def with_copies(query: Query, store: Store, progress: Progress) -> tuple[Frame, Copied]:
-    """Return the frame of a turntable table, and the function that returns the copies of its simulated recordings."""
-    return query.frame(store, progress), partial(copies, store, query.sources(store, progress))
+def _alone(query: Query, store: Store, progress: Progress) -> tuple[Frame]:
+    return (query.frame(store, progress),)
 
 
 def framed(
@@ -27,7 +25,7 @@ def framed(
     figures: Callable[[list[Row], Frame], Figures] | Mapping[str, Callable[[Frame], Figure]],
     metrics: Callable[[list[Row]], Mapping[str, float]] | Mapping[str, Mapping[str, Any]],
     *,
-    copied: bool = False,
+    source: Callable[[Query, Store, Progress], tuple[Any, ...]] = _alone,
     exact: Callable[[Row], bool] = lambda row: True,
     listed: Callable[[Row], bool] = lambda row: True,
     named: bool = False,
@@ -36,9 +34,10 @@ def framed(
 
     Args:
         query: returns the recordings of the table, or the arguments of `Query`.
-        cells: (configuration, frame) -> cells of one draw; with `copied`, the function that makes copies is the second argument.
+        cells: (configuration, frame) -> cells of one draw. Further values that `source` returns beside the frame precede it.
         figures: of the rows and the frame of the first draw, or by name the functions that draw this frame.
         metrics: of the rows, or by name, which is filled with the columns of a row, the columns that the row must have.
+        source: returns the frame of a query, and further values.
         exact: argument of `cells.table_rows`. listed: chooses the rows that the table prints.
         named: whether the result lists only the recordings that rows name.
     """
@@ -59,7 +58,6 @@ def framed(
         return Result(table.name, [*filter(listed, rows)], drawn, measured(rows), used)
 
     def run(config: Config, store: Store, progress: Progress) -> Result:
-        recordings = asked(config)
-        return score(config, *(with_copies(recordings, store, progress) if copied else (recordings.frame(store, progress),)))
+        return score(config, *source(asked(config), store, progress))
 
     return run, lambda config, store, progress: asked(config).recordings(store, progress), score

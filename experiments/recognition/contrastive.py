@@ -17,9 +17,9 @@ from experiments.campaign.cases import MEASURED
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell, first_draw, keys
 from experiments.draws import Query
-from experiments.framed import Figures, framed, with_copies
+from experiments.framed import Figures, framed
 from experiments.interface import Config, Progress, Result, Store, Table
-from experiments.recognition.copies import Copied
+from experiments.recognition.copies import Copied, with_copies
 from experiments.recognition.plots import bars, embedding_map, grouped, values
 from experiments.recognition.protocol import GEOMETRY, MATERIAL, Scored, anchors, correct, encoders, scaled, settings
 from experiments.recognition.readings import FEATURES, TURNTABLE, revolutions, without
@@ -103,7 +103,7 @@ def _figures(rows: list[Row], first: Frame) -> Figures:
     }
 
 
-_, recordings, score = framed(TABLE, TURNTABLE, cells, _figures, lambda rows: values(_groups(rows)), copied=True)
+_, recordings, score = framed(TABLE, TURNTABLE, cells, _figures, lambda rows: values(_groups(rows)), source=with_copies)
 
 
 def run(config: Config, store: Store, progress: Progress) -> Result:

@@ -7,6 +7,7 @@ measured recordings, without their labels. The store keeps the echoes, feature r
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from experiments.campaign.campaign import Call, Campaign
 from experiments.campaign.cases import MEASURED, TWIN, Case
 from experiments.campaign.frame import CONDITIONS, Frame, RecordingSource, features, shared
+from experiments.draws import Query
 from experiments.recognition.readings import FEATURES, MOTION, cells, gathered, recording_name
 from radartwin.builders.radar import build_radar
 from radartwin.builders.simulator import fixed_simulator, simulator_options
@@ -44,6 +46,11 @@ def strengths(config: Config) -> randomise.Randomisation:
 
 
 Copied = Callable[..., Samples]  # `copies` of a store and its sources: configuration, frame, kind of rows
+
+
+def with_copies(query: Query, store: Store, progress: Progress) -> tuple[Frame, Copied]:
+    """Return the frame of a turntable table, and the function that returns the copies of its simulated recordings."""
+    return query.frame(store, progress), partial(copies, store, query.sources(store, progress))
 
 
 def copies(store: Store, sources: Mapping[str, RecordingSource], config: Config, frame: Frame, kind: Reads = "features") -> Samples:

@@ -17,7 +17,7 @@ from experiments.campaign.frame import Frame
 from experiments.cells import Cell
 from experiments.framed import Figures, framed
 from experiments.recognition import protocol
-from experiments.recognition.copies import Copied
+from experiments.recognition.copies import Copied, with_copies
 from experiments.recognition.plots import bars, grouped, label_curve, values
 from experiments.recognition.protocol import ECHOES, LOOKS, RECORDINGS, correct, seeds
 from experiments.recognition.readings import TURNTABLE, revolutions
@@ -150,4 +150,4 @@ def _figures(rows: list[Row], first: Frame) -> Figures:
     }
 
 
-run, recordings, score = framed(TABLE, TURNTABLE, cells, _figures, lambda rows: values(_unlabelled(rows)), copied=True)
+run, recordings, score = framed(TABLE, TURNTABLE, cells, _figures, lambda rows: values(_unlabelled(rows)), source=with_copies)

@@ -20,7 +20,7 @@ from experiments.cells import Cell
 from experiments.draws import Part, Query, numbers
 from experiments.framed import Figures, framed
 from experiments.recognition import copies, protocol
-from experiments.recognition.copies import Copied
+from experiments.recognition.copies import Copied, with_copies
 from experiments.recognition.plots import bars, confusions, grouped, values
 from experiments.recognition.protocol import RECORDINGS, Scored, correct, encoders, scaled
 from experiments.recognition.readings import MOTION, by_side, revolutions
@@ -173,4 +173,4 @@ def _figures(rows: list[Row], first: Frame) -> Figures:
     return {TABLE.name: lambda: bars(groups, "accuracy", grey=RAW), f"{TABLE.name}_confusion": lambda: confusions(rows)}
 
 
-run, recordings, score = framed(TABLE, query, cells, _figures, lambda rows: values(_groups(rows)), copied=True)
+run, recordings, score = framed(TABLE, query, cells, _figures, lambda rows: values(_groups(rows)), source=with_copies)

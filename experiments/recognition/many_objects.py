@@ -22,9 +22,9 @@ from experiments.campaign.cases import MEASURED
 from experiments.campaign.frame import Frame, by_revolution, features
 from experiments.campaign.schedule import RecordingTask
 from experiments.cells import Cell, Estimator, first_draw, keys, mean, per, table_rows
-from experiments.framed import with_copies
 from experiments.interface import Config, Progress, Result, Store, Table
 from experiments.recognition import labelled_probe, protocol
+from experiments.recognition.copies import with_copies
 from experiments.recognition.encoder_comparison import few_shot_hits
 from experiments.recognition.labelled_probe import PRETRAINED, RAW, RIVAL
 from experiments.recognition.plots import grouped, label_curve

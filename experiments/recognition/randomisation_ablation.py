@@ -13,7 +13,7 @@ from experiments.campaign.frame import Frame
 from experiments.cells import Cell
 from experiments.framed import framed
 from experiments.recognition import copies
-from experiments.recognition.copies import Copied
+from experiments.recognition.copies import Copied, with_copies
 from experiments.recognition.plots import accuracy_bars
 from experiments.recognition.protocol import compared_trainings
 from experiments.recognition.readings import TURNTABLE, revolutions
@@ -56,4 +56,4 @@ def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
     return compared_trainings(config, frame, "copies", trained, {NOISE_ONLY: "drawing all quantities helps"})
 
 
-run, recordings, score = framed(TABLE, TURNTABLE, cells, *accuracy_bars(TABLE.name, "copies", "probe"), copied=True)
+run, recordings, score = framed(TABLE, TURNTABLE, cells, *accuracy_bars(TABLE.name, "copies", "probe"), source=with_copies)

@@ -19,7 +19,7 @@ from experiments.cells import Cell
 from experiments.draws import Part, Query
 from experiments.framed import framed
 from experiments.recognition import copies
-from experiments.recognition.copies import Copied
+from experiments.recognition.copies import Copied, with_copies
 from experiments.recognition.labelled_probe import RIVAL, rf_genesis
 from experiments.recognition.plots import accuracy_bars
 from experiments.recognition.protocol import TEXT, compared_trainings
@@ -78,4 +78,4 @@ def _listed(row: Row) -> bool:
 
 
 PLOTS = accuracy_bars(TABLE.name, "probe", "simulation", RIVAL)
-run, recordings, score = framed(TABLE, query, cells, *PLOTS, copied=True, listed=_listed)
+run, recordings, score = framed(TABLE, query, cells, *PLOTS, source=with_copies, listed=_listed)

@@ -12,7 +12,7 @@ from experiments.cells import Cell
 from experiments.draws import Query
 from experiments.framed import framed
 from experiments.recognition import protocol
-from experiments.recognition.copies import Copied
+from experiments.recognition.copies import Copied, with_copies
 from experiments.recognition.plots import accuracy_bars
 from experiments.recognition.protocol import GEOMETRY, MATERIAL, Scored, correct, settings
 from experiments.recognition.readings import MOTION, revolutions
@@ -63,4 +63,6 @@ def cells(config: Config, copied: Copied, frame: Frame) -> Iterator[Cell]:
     yield Scored(config, split.test, frame, chance).accuracy(case, correct(names, split.test.label), claim, panel=panel)
 
 
-run, recordings, score = framed(TABLE, query, cells, *accuracy_bars(TABLE.name, "attribute", grey=RANKS, confusion=True), copied=True)
+run, recordings, score = framed(
+    TABLE, query, cells, *accuracy_bars(TABLE.name, "attribute", grey=RANKS, confusion=True), source=with_copies
+)

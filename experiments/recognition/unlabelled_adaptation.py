@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell
 from experiments.framed import framed
-from experiments.recognition.copies import Copied
+from experiments.recognition.copies import Copied, with_copies
 from experiments.recognition.plots import accuracy_bars
 from experiments.recognition.protocol import Scored, anchors, scaled, seeds, settings
 from experiments.recognition.readings import TURNTABLE, revolutions
@@ -100,4 +100,4 @@ def _predict(
     return nearest_text(encoder, adapted.unlabelled(), texts, encoder_settings.temperature)
 
 
-run, recordings, score = framed(TABLE, TURNTABLE, cells, *accuracy_bars(TABLE.name, "batch", grey=NONE), copied=True)
+run, recordings, score = framed(TABLE, TURNTABLE, cells, *accuracy_bars(TABLE.name, "batch", grey=NONE), source=with_copies)

@@ -202,6 +202,7 @@ def test_failed_run_loses_only_its_own_table(monkeypatch: pytest.MonkeyPatch, tm
     monkeypatch.setattr(main, "compose", lambda overrides: compose([*overrides, "tracking=off"]))
     monkeypatch.setattr(positioning, "run", lambda *_: Result("positioning", [reported.row()], {}))
     monkeypatch.setattr(linear_rail, "run", broken)
+    monkeypatch.setattr(linear_rail, "recordings", lambda *_: {})
     assert main.tables("quick", ["linear_rail", "positioning"], tmp_path) == 1
     said = capsys.readouterr()
     assert said.out.splitlines()[-1].startswith("tables: 1 written, simulated 0, reused 0, scored 1; report: ")

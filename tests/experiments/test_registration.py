@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -106,7 +107,8 @@ def test_the_tables_state_the_claims_as_they_are_registered() -> None:
     declared = ((turntable_shape, turntable), (turntable_material, turntable), (rover_fidelity, drives))
     compared = 0
     for module, source in declared:
-        rows = cells.table_rows(config(module.TABLE.name), drawn(frame_of(source, *module.MOTIONS[:1])), module.cells)
+        options = config(module.TABLE.name)
+        rows = cells.table_rows(options, drawn(frame_of(source, *module.MOTIONS[:1])), partial(module.cells, options))
         for claim in (claim for claim in headline.HEADLINES if claim.table == module.TABLE.name):
             _same_rule(headline._row(rows, claim), REGISTERED[claim.text])
             compared += 1

@@ -65,7 +65,7 @@ class Look(NamedTuple):
 def look_of(scene: Scene) -> Look:
     """Compute the appearance of a scene.
 
-    >>> from radartwin.scene.scene import Scene, Surface
+    >>> import trimesh
     >>> pane = Surface(trimesh.creation.box((1, 1, 0.01)), Layered([("glass", 0.01)]), "pane")
     >>> bool(look_of(Scene([pane])).clear.all())
     True
