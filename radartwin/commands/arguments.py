@@ -63,6 +63,8 @@ class _Parser(argparse.ArgumentParser):
     """An argument parser that reports a wrong argument in one line instead of the full usage text."""
 
     def error(self, message: str) -> NoReturn:
+        if "invalid choice: 'clean'" in message:
+            message = "clean was removed after version 1.0; delete the folder outputs/cache"
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 

@@ -14,6 +14,7 @@ from radartwin.config.plugged import GROUPS
 
 GONE = {  # keys and options of version 1.0 that are no longer known, and what to write in their place
     "experiment/baselines": "experiment=stability has rows of RF-Genesis",
+    "materials.among": "leave it out, because wrong labels are categories of the room",
     "materials.concurrency": "write radartwin label --concurrency",
     "materials.provider": "write radartwin label --provider",
     "materials.timeout_s": "write radartwin label --timeout",
@@ -21,8 +22,11 @@ GONE = {  # keys and options of version 1.0 that are no longer known, and what t
     "materials.views": "write radartwin label --views",
     "profile.strength_draws": "write profile.strength_campaign.draws",
     "profile.strength_rover_draws": "write profile.strength_campaign.rover_draws",
+    "scene.llm_model": "write the sentence in the fixed grammar, or scene.layout=FILE",
+    "scene.llm_url": "write the sentence in the fixed grammar, or scene.layout=FILE",
     "simulator.points": "leave it out, because simulator=points puts a point at the centre of each object",
     "supervision.encoder.symmetric": "leave it out, because the encoder has one loss",
+    "trajectory.frame": "write trajectory.topic with a topic of Odometry or PoseStamped",
 }
 
 

@@ -60,6 +60,7 @@ MISTAKES = {
     "recording without a name": (["process", "."], "names no recording"),
     "recording with a name too long": (["process", LONG], "too long"),
     "unknown angle method": (["process", "file", "--angle", "esprit"], "bartlett"),
+    "removed verb": (["clean", "--cache"], "delete the folder outputs/cache"),
     "absent recording set": (["doctor", "--data", "nowhere"], "nowhere"),
     "absent capture": (["import", "nowhere.bin", "--out", "set"], "nowhere.bin"),
     "description without a key": (["import", ".", "--out", "set", "mug"], "KEY=VALUE"),
