@@ -197,7 +197,8 @@ def cores() -> int:
 
 
 def shared_out(function: Callable[..., Any], count: int, *arguments: Any, pieces: int = 4, grain: int = 1) -> None:
-    """Split the range 0..count into `pieces` parts per core, and call function(first, last, *arguments) for each part, on all cores.
+    """Split the range 0..count into at most `pieces` parts per core, and call function(first, last, *arguments) for each part, on all
+    cores.
 
     The parts run in Python threads, because Numba's own thread pools do not survive a fork and cannot be nested. Two parts must not write
     to the same memory, so that the result does not depend on the number of cores. A part has at least `grain` items, because handing a part

@@ -30,7 +30,7 @@ Row = dict[str, Any]
 
 
 def score(problem: Problem, signals: Mapping[str, np.ndarray]) -> Errors:
-    """Return the errors of the signals (S, N) of each scenario of a problem; all scenarios have equal weight."""
+    """Return the errors of the signals, by scenario (S frames, N samples), of a problem; all scenarios have equal weight."""
     pairs = [(signals[scenario.name][:, None, None, None], scenario.answer[:, None, None, None]) for scenario in problem.scenarios]
     return compare(pairs, problem.radar, gate_m=problem.gate_m)
 

@@ -1,4 +1,4 @@
-"""Simulate one turntable revolution of each of the user's objects at each distance, and compute feature rows of its copies.
+"""Simulate a turntable revolution of each of the user's objects at each distance, and compute feature rows of randomised copies of it.
 
 The radar is level with the aim height of the object (`OwnObject.aim_m`), and the axis of the turntable is on the boresight.
 """

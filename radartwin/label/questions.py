@@ -213,7 +213,7 @@ def ask(question: Question, complete: Callable[[list[Message]], str]) -> Answer:
 
     After an invalid answer, the model receives the schema's error message. `complete` is a function that takes the conversation so far and
     returns the model's next message. In the last attempt, a known material outside the MINC categories is replaced by its closest MINC
-    category. If the answer of the last attempt is invalid for another reason, the material category is `other`.
+    category. If this replacement does not make the answer of the last attempt valid, the material category is `other`.
     """
     messages = [{"role": "user", "content": question.text}]
     problem = ""

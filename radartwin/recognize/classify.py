@@ -1,4 +1,5 @@
-"""Classify a recording with an exported model: compute the model's features of the recording, and class probabilities from the features.
+"""Classify a recording in any format that `load_capture` reads with an exported model: compute the model's features of the recording, and
+class probabilities from the features.
 
 A recording from outside the study has no log of its motion. Therefore the user gives the nominal motion, or this module estimates it. On a
 turntable, the target is assumed at the range where the echo changes most over the frames. For a moving radar, the target is assumed to be

@@ -21,9 +21,9 @@ _MAX_SAMPLES = 500  # largest number of vertices that are tested for being insid
 def overlap_m(a: trimesh.Trimesh, b: trimesh.Trimesh) -> float:
     """Compute the depth of the overlap of two meshes in metres; 0 if the meshes are apart or overlap by less than CONTACT_M.
 
-    The depth is the shortest side of the axis-parallel box around the common volume. If a mesh is an open surface, such as a wall, the
-    common part is flat. The depth is then the second-shortest side of the box or, if smaller, the distance by which the other mesh extends
-    beyond the mean plane of the open surface.
+    The depth is the shortest side of the axis-parallel box around the common volume. For an open surface, such as a wall, the common part
+    is flat. The depth is then the smaller of two lengths: the second-shortest side of this box, and the distance by which the other mesh
+    extends beyond the mean plane of the open surface.
     """
     low, high = np.maximum(a.bounds[0], b.bounds[0]), np.minimum(a.bounds[1], b.bounds[1])
     if (high - low < 0).any():

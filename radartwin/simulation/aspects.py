@@ -80,7 +80,7 @@ class Aspects:
         return Aspects((np.fft.ifft(more, axis=0) * (count / traced)).astype(np.complex64), self.symmetry)
 
     def at(self, angles: np.ndarray) -> np.ndarray:
-        """Interpolate the chirps of F frames with C chirp loops.
+        """Interpolate the signal between the aspects, at the angle of each chirp of F frames with C chirp loops and T transmitters.
 
         Args:
             angles: (F, C, T) turntable angle at each chirp of each transmitter, in radians.

@@ -4,8 +4,8 @@ A recording stores the nominal (logged) pose of frame f, for the time f / frame 
 method `scaled(strength)` holds the sizes of the motion errors. At strength 0 the true poses equal the nominal poses exactly. Equal seeds
 give equal errors.
 
-The default sizes of the motion errors and their sources follow. If no value for such equipment is published, the default is an
-order-of-magnitude estimate:
+The default sizes of the motion errors and their sources follow. A default is an order-of-magnitude estimate if no value is published for a
+comparable rover, rail or turntable:
 - Rover slip: 1.5 % of the path. Half of the slip's variance is constant (wheel size, load), and half has a correlation length of 0.3 m. The
   uncalibrated odometry of a differential drive has an error of 2 % of its path, 310 mm in 16 m (J. Borenstein, L. Feng, IEEE Trans.
   Robotics and Automation 12 (1996) 869, cited from memory). After the wheel size in the log is corrected, the remaining slip is smaller.

@@ -18,9 +18,9 @@ tracer serves as a baseline for comparison. The naive tracer is correct only in 
   solid angle of the pixel and r the distance. The signal amplitude is the square root of this power. Rays pass through pixel centres, the
   radial speed of rigid surfaces is exact, chirps have the radar's timing, and the radar's own antenna pattern applies.
 
-Both versions have these errors. There is no mirror reflection, so plates have no specular echo and corners have no multiple bounces. A
-surface patch of many wavelengths has a single phase, so the echo grows with the number of rays where patches add in phase. Surfaces outside
-the field of view return no power. There is no polarisation.
+Both versions have the following errors of the method. There is no mirror reflection, so plates have no specular echo and corners have no
+multiple bounces. A surface patch of many wavelengths has a single phase, so the echo grows with the number of rays where patches add in
+phase. Surfaces outside the field of view return no power. There is no polarisation.
 
 This module differs from the original RF-Genesis program in these points. Meshes reflect on both sides. The rendered intensity is that of
 the ray's own hit, while the program averages 32 randomly displaced samples. The camera is at the radar. A hit that would move more than

@@ -1,8 +1,8 @@
 """Shadows of bodies on the lines of paths, as factors of the field.
 
-The factor of a line is 1 where it is clear and 0 where a body blocks it, plus the edge waves (`kirchhoff`) of the body's outline, as seen
-from one end of the path. This end is the source or, behind a mirror, an image of the source. The factor is smooth across the border of a
-shadow. Transmission is not part of the factor.
+The factor of a straight line of a path is the sum of two parts: 1 if the line is free or 0 if a body blocks it, and the edge waves
+(`kirchhoff`) of the body's outline. The outline is that seen from one end of the path. This end is the source or, behind a mirror, an image
+of the source. The factor is smooth across the border of a shadow. Transmission is not part of the factor.
 
 The outline of a small or curved body is a set of closed polygons (`silhouette`). A line that ends at the sensor uses the outline as seen
 from the sensor, in both directions, so that its factor is reciprocal. Any other line of a path uses the outline as seen from the end nearer
