@@ -36,6 +36,22 @@ def block(size, centre):
     return box.apply_translation(centre)
 
 
+def modelled(rows=17, columns=17, seed=0):
+    """Return a room of small faces as from a modelling program, in which boxes of few heights stand in rows."""
+    rng = np.random.default_rng(seed)
+    room = trimesh.creation.box(bounds=[[0, 0, 0], [0.9 * columns + 0.5, 0.9 * rows + 0.5, 3]])
+    room.invert()
+    pieces = [room.subdivide().subdivide().subdivide().subdivide().subdivide()]
+    for row, column in np.ndindex(rows, columns):
+        width, depth, height = rng.choice([0.4, 0.5, 0.6]), rng.choice([0.4, 0.5, 0.6]), rng.choice([0.45, 0.75, 1.1, 1.8])
+        box = trimesh.creation.box((width, depth, height)).subdivide().subdivide()
+        box.apply_transform(trimesh.transformations.rotation_matrix(rng.choice([0, 0, 0, 0.3, 0.9]), Z))
+        pieces.append(box.apply_translation([0.7 + 0.9 * column, 0.7 + 0.9 * row, height / 2 + rng.choice([0, 0.02, 0.2])]))
+    whole = trimesh.util.concatenate(pieces)
+    assert isinstance(whole, trimesh.Trimesh)
+    return whole
+
+
 def inner_sides(size):
     """Return corner, two directions and two extents of each of the six sides of a box, seen from inside."""
     x, y, z = size
