@@ -1,5 +1,7 @@
 """The simulated motion errors have their documented statistics, and are zero at strength 0."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -43,7 +45,8 @@ def test_strength_scales_errors_keeps_lengths_and_zero_returns_the_nominal_poses
     assert TurntableErrors().scaled(2).ripple_cycles == TurntableErrors().ripple_cycles
     small, large = (rover(SWEEP, RoverErrors().scaled(s), rng(4)) - SWEEP for s in (0.01, 0.02))
     assert np.linalg.norm(large - 2 * small) < 0.01 * np.linalg.norm(large)
-    for move, course, errors in ((rover, SWEEP, RoverErrors()), (turntable, TURN, TurntableErrors())):
+    kinds: Any = ((rover, SWEEP, RoverErrors()), (turntable, TURN, TurntableErrors()))
+    for move, course, errors in kinds:
         one, same, other = (move(course, errors, rng(seed)) for seed in (3, 3, 4))
         assert np.array_equal(one, same)
         assert not np.array_equal(one, other)
