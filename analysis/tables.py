@@ -5,9 +5,7 @@ The CSV has full precision and every run key. The Markdown, LaTeX and HTML files
 The HTML table begins with what a reader needs: claim, verdict, value with interval, the paper's figure, and why the verdict follows.
 """
 
-import csv
 import html
-import io
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -64,11 +62,7 @@ def full_caption(table: Table, rows: Sequence[Row]) -> str:
 
 
 def to_csv(rows: Sequence[Row]) -> str:
-    stream = io.StringIO()
-    writer = csv.DictWriter(stream, columns(rows), restval="", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows({c: "" if v is None else v for c, v in row.items()} for row in rows)
-    return stream.getvalue()
+    return files.csv_text(rows, columns(rows))
 
 
 def to_markdown(table: Table, rows: Sequence[Row]) -> str:

@@ -1,9 +1,13 @@
 """Exact Shapley values: divide the value of a coalition (set of players) among its players.
 
-Symbols: N -> players, S -> coalition, v(S) -> value, phi_i -> share of player i, which is what the player adds by joining, averaged over
-all orders of joining: phi_i = sum over S without i of |S|! (|N| - |S| - 1)! / |N|! (v(S + i) - v(S)). The shares sum to v(N) - v({}), are
-linear in v, so that one value per recording gives one share per recording, and have no sampling error. Ref: L. S. Shapley, A Value for
-n-Person Games, 1953.
+Symbols: N -> players, S -> coalition, v(S) -> value, phi_i -> share of player i.
+
+The share of a player is its mean gain over all orders in which the players can join the coalition:
+
+    phi_i = sum over S without i of |S|! (|N| - |S| - 1)! / |N|! (v(S + i) - v(S)).
+
+The shares sum to v(N) - v({}). They are linear in v, so that one value per recording gives one share per recording, and they have no
+sampling error. Ref: L. S. Shapley, A Value for n-Person Games, 1953.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

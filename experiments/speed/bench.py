@@ -1,15 +1,23 @@
-"""Benchmarks of run time, against the project's targets for 2 processor cores and against the last run.
+"""Benchmarks of run time and memory, against the targets in `bench_figures` and against earlier runs.
 
-    python -m experiments.speed.bench [--repeats 5] [--only synthesis frames single drives] [--variant cuda] [--history]
+    python -m experiments.speed.bench [--repeats 5] [--only synthesis frames single drives memory scan] [--variant cuda] [--history]
 
-The exit status is 0 even if a figure misses its target, because run times depend on the machine and its load. Ratios of run times within
-one run can also be compared between machines, because the compared methods take turns.
+The exit status is 0 even if a figure misses its target or differs from earlier runs, because run times depend on the machine and its load.
+Ratios of run times within one run can also be compared between machines.
+
+The function `timed` runs the compared methods in turn, once per repetition. If other programs slow the machine for some time, this affects
+all compared methods alike. The direct sum is timed on DIRECT_PATHS instead of PATHS paths, and the measured time is scaled up, because the
+time of the direct sum is proportional to the number of paths.
 """
 
 import argparse
 import itertools
+import json
 import os
 import platform
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -17,8 +25,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import trimesh
 
 import radartwin as rt
+from experiments.speed.bench_figures import FIGURES, table
 from experiments.validation.oracles import sampling
 from radartwin.benchmark.leaderboard import processor
 from radartwin.io import files
@@ -39,27 +49,18 @@ MOVING_FRAMES = {"panels": 50, "tubes": 5}  # by method, for a sensor that moves
 CALLS = 20  # number of calls, each of one frame
 WARM_UP = slice(20, 26)  # poses of a drive that is simulated first, to compile the kernels
 ASIDE_M = 1e-3  # shift of the sensor between repetitions, so that no paths come from a cache
+MEMORY_RAYS = 3_000_000
+SCAN_FACES, SCAN_NOISE_M = 500_000, 0.005  # triangles of a scan, and deviation of a vertex coordinate as in the fused mesh of a phone LiDAR
 HISTORY = Path(__file__).with_name("bench_history.csv")
-COMPARABLE = ("processor", "cores", "variant")  # columns of the history that are equal in comparable runs
-LARGER = ("", "frames/s")  # units of figures that are better if larger
-FIGURES: dict[str, tuple[str, float | None]] = {  # unit, and the worst value that passes
-    "gridding of 5,000 paths x 8 channels": ("ms/frame", 10), "gridding of 100,000 paths at 0.0 m/s": ("ms/frame", None),
-    "gridding of 100,000 paths at 0.5 m/s": ("ms/frame", None), "gridding of 1,000,000 paths at 0.5 m/s": ("ms/frame", None),
-    "direct sum to gridding at 0.0 m/s": ("", 80), "exact to planar elements at 0.0 m/s": ("", None),
-    "direct sum to gridding at 0.5 m/s": ("", 80), "exact to planar elements at 0.5 m/s": ("", None),
-    "object only, 100 frames in one call": ("frames/s", 1000), "object in a static furnished room": ("ms/frame", 30),
-    "moving sensor and object, flat faces": ("ms/frame", 30), "moving sensor and object, tubes alone": ("ms/frame", 250),
-    "moving sensor, resting target, flat faces": ("ms/frame", 30), "static room to object only": ("", None),
-    "moving, tubes alone to flat faces": ("", None), "one frame in one call, sphere": ("ms", 3),
-    "one frame in one call, corner reflector": ("ms", 3), "drive frame": ("ms/frame", 30), "track set-up": ("s", None),
-    "object track set-up": ("s", None), "drive frame past a can": ("ms/frame", 30), "drive frame past a can, clutter": ("ms/frame", 30),
-    "track set-up, clutter": ("s", None),
-}  # fmt: skip
+
 Values = dict[str, float]  # measured values by the name of their figure in FIGURES
 
 
 def timed(methods: Mapping[str, Callable[[], object]], repeats: int) -> dict[str, np.ndarray]:
-    """Return the seconds of each repetition of each method. The methods alternate, after a round that compiles the kernels."""
+    """Return the seconds of each repetition of each method.
+
+    The methods alternate. A first round without timing compiles the kernels.
+    """
     for method in methods.values():
         method()
     seconds: dict[str, list[float]] = {name: [] for name in methods}
@@ -127,6 +128,9 @@ def frames(repeats: int, variant: str) -> Values:
     calls = itertools.count()
 
     def moving(room: str, scene: rt.Scene, motion: Mapping[str, np.ndarray]) -> None:
+        """Simulate a scene with a moving sensor and with objects in `motion`. Each call of this function shifts the sensor, so that no
+        paths of the room come from the cache.
+        """
         frames = MOVING_FRAMES[room]
         sensor = np.repeat(pose, frames, axis=0)
         sensor[:, 1, 3] += 0.02 * (np.arange(frames) - frames / 2) + ASIDE_M * next(calls)
@@ -174,9 +178,12 @@ def single(repeats: int, variant: str) -> Values:
 
 
 def drives(repeats: int, variant: str) -> Values:
-    """Time drives along one track past a corner reflector on a stand, traced as a campaign traces them, and past a metal can alone.
+    """Time drives along one track past an object: a corner reflector on a stand, traced as a campaign traces them
+    (`campaign.target.seen`), and a metal can alone.
 
-    Before the timing, a drive through another room compiles the kernels, so that the timed set-up takes no results from a cache.
+    The set-up of a track traces what all drives along the track share: the room, and the paths between the object and the room. Before the
+    timing, a drive through another room compiles the kernels. Because the room is another one, the timed set-up takes no results from a
+    cache.
     """
     bench = rooms.bench("lab")
     nominal = trajectory.lateral_sweep(bench.sensor_pose)
@@ -184,13 +191,13 @@ def drives(repeats: int, variant: str) -> Values:
     at = trajectory.pose(bench.target_position(1.0))
     can = rt.Surface(objects.cylinder(0.033, 0.12).apply_transform(at), "metal", "can", role="object")
     stand, alone = ([disc, reflector], [post]), ([can],)
-    values = Values()
+    values, declared = Values(), {figure.name for figure in FIGURES}
     _driven(rooms.lab((6.1, 5.0, 2.8), detail="cluttered"), nominal[WARM_UP], {"": stand, " past a can": alone}, 1, variant)
     for detail, end, groups in (("furnished", "", {"": stand, " past a can": alone}), ("cluttered", ", clutter", {" past a can": alone})):
         print(f"Drives of {len(nominal)} frames through the laboratory, {detail}:")
         for name, seconds in _driven(rooms.room("lab", detail=detail), nominal, groups, repeats, variant).items():
             wall = show(name, seconds[:, 0], f"{1e3 * np.median(seconds[:, 1]):.2f} ms of processor time")
-            if name + end in FIGURES:
+            if name + end in declared:
                 values[name + end] = wall if "set-up" in name else 1e3 * wall
     return values
 
@@ -198,8 +205,13 @@ def drives(repeats: int, variant: str) -> Values:
 def _driven(
     room: rt.Scene, nominal: np.ndarray, objects_of: Mapping[str, Sequence[list[rt.Surface]]], repeats: int, variant: str
 ) -> dict[str, np.ndarray]:
-    """Return wall and processor time (repeats, 2) in seconds of each part of a frame, of a whole frame, and of each part of the set-up.
-    `objects_of` has groups of surfaces by the ending of the results' names; only the first group has paths over both object and room.
+    """Time drives past objects in a room.
+
+    Args:
+        objects_of: {ending of the names of the results: groups of surfaces}; only the first group has paths over both object and room.
+    Returns:
+        Wall time and processor time (repeats, 2) in seconds: of each part of a frame, of the whole frame ("drive frame"), and of each part
+        of the set-up.
     """
     radar, still = rt.Radar.iwr1843(), np.eye(4)[None]
     taken: dict[str, list[np.ndarray]] = {}
@@ -232,23 +244,76 @@ def _driven(
     return {name: np.stack(each) for name, each in taken.items()}
 
 
-def table(values: Mapping[str, float], history: pd.DataFrame, machine: Mapping[str, object]) -> str:
-    """Return the measured figures with their targets, and the figures of the last run with the same processor, cores and variant."""
-    same = history[[all(str(run[name]) == str(machine[name]) for name in COMPARABLE) for run in history.to_dict("records")]]
-    last = same.iloc[-1] if len(same) else pd.Series(dtype=str)
-    rows = {}
-    for name, value in values.items():
-        unit, target = FIGURES[name]
-        larger = unit in LARGER
-        passes = target is None or (value >= target if larger else value <= target)
-        bound = f"{'at least' if larger else 'at most'} {target:g}" if target is not None else "-"
-        rows[column(name)] = (f"{value:.4g}", bound, "-" if target is None else "pass" if passes else "miss", last.get(column(name), "-"))
-    return pd.DataFrame.from_dict(rows, "index", columns=["value", "target", "", "last run"]).fillna("-").to_string()
+def in_new_process(imports: str, code: str, *arguments: str) -> dict[str, float]:
+    """Run code that makes a scene `scene` in a new process.
+
+    Returns the number `surfaces` of the scene, the wall time `seconds` of the code without its imports, and for the whole process the
+    processor time `core_seconds` and the largest resident memory `peak_gib`.
+    """
+    code = f"""
+import json, sys, time
+from experiments.speed.machine import peak_gib
+{imports}
+began = time.perf_counter()
+{code}
+print(json.dumps({{"seconds": time.perf_counter() - began, "core_seconds": time.process_time(), "peak_gib": peak_gib(),
+                  "surfaces": len(scene)}}))
+"""
+    answer = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
+    return json.loads(answer.stdout.splitlines()[-1])
 
 
-def column(name: str) -> str:
-    """Return the column of a figure in the history, which is its name with the unit."""
-    return f"{name}, {FIGURES[name][0]}" if FIGURES[name][0] else name
+def memory(repeats: int, variant: str) -> Values:
+    """Measure the peak resident memory of a new process that traces a furnished room with many rays."""
+    usage = in_new_process(
+        "import radartwin as rt; from radartwin.scene import rooms",
+        "scene = rooms.lab()\n"
+        f"rt.simulate(scene, rt.Radar.iwr1843(), rooms.lab_bench().sensor_pose[None], rays={MEMORY_RAYS}, variant={variant!r})",
+    )
+    print(f"Memory: a furnished room at {MEMORY_RAYS} rays, 4 bounces: {usage['peak_gib']:.2f} GiB at most")
+    return {"memory of a furnished room": usage["peak_gib"]}
+
+
+def scan(repeats: int, variant: str) -> Values:
+    """Time the reconstruction of a scan of half a million triangles, and measure its memory."""
+    result = reconstruction()
+    print(
+        f"Reconstruction of a scan of {result['faces']:,.0f} faces: {result['seconds']:.0f} s ({result['core_seconds']:.0f} core-seconds), "
+        f"peak {result['peak_gib']:.2f} GiB, {result['surfaces']:.0f} surfaces"
+    )
+    return {"reconstruction of a scan": result["seconds"], "memory of a scan reconstruction": result["peak_gib"]}
+
+
+def reconstruction() -> dict[str, float]:
+    """Reconstruct the scan of a furnished laboratory in a new process. Returns the entries of `in_new_process`, and the number `faces` of
+    triangles. The times include reading the scan file and writing the reconstructed scene.
+
+    The scan consists of the true surfaces, cut into about SCAN_FACES equal triangles, with colours and with the depth noise of a phone.
+    """
+    pieces = [surface.mesh for surface in rooms.lab()]
+    area = sum(float(piece.area) for piece in pieces)
+    edge = 1.5 * float(np.sqrt(4 / np.sqrt(3) * area / SCAN_FACES))  # the split edges are between half the allowed length and that length
+    rng = np.random.default_rng(0)
+    fine: list[Any] = [trimesh.Trimesh(piece.vertices, piece.faces, process=False).subdivide_to_size(edge, max_iter=20) for piece in pieces]
+    colours = [np.tile(np.random.default_rng([0, k]).integers(60, 220, 3), (len(piece.vertices), 1)) for k, piece in enumerate(fine)]
+    whole: Any = trimesh.util.concatenate(fine)
+    shade = np.clip(np.vstack(colours) + rng.normal(0, 5, (len(whole.vertices), 3)), 0, 255).astype(np.uint8)
+    noisy = whole.vertices + SCAN_NOISE_M * rng.standard_normal(whole.vertices.shape)
+    with tempfile.TemporaryDirectory() as folder:
+        trimesh.Trimesh(noisy, whole.faces, vertex_colors=shade, process=False).export(f"{folder}/scan.ply")
+        imports, code = "from radartwin.reconstruct.build import reconstruct", "scene = reconstruct(sys.argv[1], sys.argv[2])"
+        return {"faces": len(whole.faces), **in_new_process(imports, code, f"{folder}/scan.ply", f"{folder}/scene")}
+
+
+def measured(benchmarks: Sequence[str], repeats: int, variant: str) -> Values:
+    """Run benchmarks by name and return all their figures. Raises RuntimeError if a benchmark measures other figures than declared."""
+    values = Values()
+    for name in benchmarks:
+        figures = BENCHMARKS[name](repeats, variant)
+        if wrong := figures.keys() ^ {figure.name for figure in FIGURES if figure.benchmark == name}:
+            raise RuntimeError(f"{', '.join(sorted(wrong))}: measured or declared for the benchmark {name}, but not both; correct FIGURES")
+        values |= figures
+    return values
 
 
 def read(history: Path = HISTORY) -> pd.DataFrame:
@@ -257,15 +322,19 @@ def read(history: Path = HISTORY) -> pd.DataFrame:
 
 
 def append(machine: Mapping[str, object], values: Mapping[str, float], history: Path = HISTORY) -> Path:
-    """Add a line with commit, machine and figures to the history file, in one step. A new figure adds a column at the end."""
+    """Add a line with commit, machine and figures to the history file, and return the path of this file. The file is replaced in one step.
+
+    If the run did not measure a figure, the cell of this figure is empty. A figure that is new in the history file adds a column at the
+    end.
+    """
     head, changed = checkout.commit()
     line = {"date": time.strftime("%Y-%m-%d"), "commit": head[:12], "changed": "yes" if changed else "no", **machine}
-    line |= {column(name): f"{value:.4g}" for name, value in values.items()}
+    line |= {figure.column: f"{values[figure.name]:.4g}" for figure in FIGURES if figure.name in values}
     return files.write_atomically(history, pd.concat([read(history), pd.DataFrame([line])]).to_csv(index=False, lineterminator="\n"))
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Benchmarks of run time, against targets and earlier runs.")
+    parser = argparse.ArgumentParser(description="Benchmarks of run time and memory, against targets and earlier runs.")
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--only", nargs="+", choices=BENCHMARKS, default=BENCHMARKS)
     parser.add_argument("--variant", choices=("llvm", "cuda"), default="llvm", help="Mitsuba variant of the tracer")
@@ -276,16 +345,14 @@ def main() -> None:
         "repeats": arguments.repeats, "variant": arguments.variant,
     }  # fmt: skip
     print(f"{machine}, NumPy {np.__version__}")
-    values = Values()
-    for name in (name for name in BENCHMARKS if name in arguments.only):
-        values |= BENCHMARKS[name](arguments.repeats, arguments.variant)
+    values = measured([name for name in BENCHMARKS if name in arguments.only], arguments.repeats, arguments.variant)
     print(f"\nTargets hold for 2 processor cores.\n{table(values, read(), machine)}")
     if arguments.history:
         print(f"history: {append(machine, values)}")
 
 
 BENCHMARKS: dict[str, Callable[[int, str], Values]] = {
-    "synthesis": synthesis, "frames": frames, "single": single, "drives": drives,
+    "synthesis": synthesis, "frames": frames, "single": single, "drives": drives, "memory": memory, "scan": scan,
 }  # fmt: skip
 
 if __name__ == "__main__":

@@ -143,7 +143,7 @@ def quoted(overrides: Sequence[str]) -> list[str]:
     Hydra would add a key with `+key=value`, but no code would read it. Without the plus sign, Hydra refuses an unknown key.
     """
     literal, known = re.compile(r"(?<=[=,])(true|false|null|[\d.]+)(?=,|$)", re.IGNORECASE), groups()
-    plain = [re.sub(r"^\++(?!hydra)", "", override) for override in overrides]
+    plain = [re.sub(r"^\++(?!\+|hydra)", "", override) for override in overrides]
     return [literal.sub(r"'\1'", override) if override.partition("=")[0] in known else override for override in plain]
 
 

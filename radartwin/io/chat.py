@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 RETRIED = {408, 409, 425, 429, 500, 502, 503, 504, 529}
 LONGEST_PAUSE_S = 120.0
+KEY_VARIABLE = "RADARTWIN_VLM_KEY"  # environment variable of the API key (bearer token), which may be unset
 
 
 class NoAnswerInTime(BackendError):
@@ -41,11 +42,10 @@ class Endpoint:
     url: str = field(repr=False)  # base URL including /v1; not printed, because it may contain a password
     model: str
     timeout_s: float = 120.0  # of a single try to get an answer
-    requests: int = 4  # largest number of tries to get an answer to a request
+    requests: int = 5  # largest number of tries to get an answer to a request
     pause_s: float = 1.0  # before the second try; each further pause is twice as long
-    key_variable: str = "RADARTWIN_LLM_KEY"  # environment variable of the API key (bearer token), which may be unset
-    max_tokens: int = 1000  # maximum length of the model's answer
-    key: str | None = field(default=None, repr=False)  # API key; None takes the environment variable
+    max_tokens: int = 400  # maximum length of the model's answer
+    key: str | None = field(default=None, repr=False)  # API key; None takes that of KEY_VARIABLE
 
     def __post_init__(self) -> None:
         try:
@@ -72,9 +72,9 @@ class Endpoint:
     @property
     def _secret(self) -> str:
         """Return the API key, or "" if there is none. Raises ConfigError, without the key, for a key that cannot be sent."""
-        key = (self.key if self.key is not None else os.environ.get(self.key_variable, "")).strip()
+        key = (self.key if self.key is not None else os.environ.get(KEY_VARIABLE, "")).strip()
         if not (key.isascii() and key.isprintable()):
-            raise ConfigError(f"{self.key_variable} holds characters that no key has; copy the key again")
+            raise ConfigError(f"{KEY_VARIABLE} holds characters that no key has; copy the key again")
         return key
 
     def complete(
@@ -130,8 +130,8 @@ class Endpoint:
 
     def _refusal(self, response: httpx.Response) -> str:
         remedy = {
-            401: f"set {self.key_variable} to the key of the server",
-            403: f"set {self.key_variable} to a key that may use the model",
+            401: f"set {KEY_VARIABLE} to the key of the server",
+            403: f"set {KEY_VARIABLE} to a key that may use the model",
             404: f"check the address and that it serves {self.model}",
         }.get(response.status_code, "see the server's log")
         text = hidden(" ".join(response.text.split()), self._secret)[:200]

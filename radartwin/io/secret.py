@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-VARIABLES = ("RADARTWIN_VLM_KEY", "RADARTWIN_LLM_KEY", "MLFLOW_TRACKING_PASSWORD", "MLFLOW_TRACKING_TOKEN", "HF_TOKEN")
+VARIABLES = ("RADARTWIN_VLM_KEY", "MLFLOW_TRACKING_PASSWORD", "MLFLOW_TRACKING_TOKEN", "HF_TOKEN")
 SHORTEST = 6  # characters; a shorter value may occur in any text by chance
 HIDDEN = "***"
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Protocol
 
 from radartwin.errors import ConfigError, MissingError, SceneError
+from radartwin.io.chat import KEY_VARIABLE
 from radartwin.io.files import check_folder, lock
 from radartwin.io.one_line import plural
 from radartwin.io.progress import Progress
@@ -21,7 +22,7 @@ from radartwin.label.photos import load_photos, load_textured
 from radartwin.label.question_folder import export, read_answers
 from radartwin.label.questions import Question, questions
 from radartwin.label.recorded import JOURNAL, Recorded, records_for
-from radartwin.label.server import DEFAULT_MODEL, DEFAULT_URL, KEY_VARIABLE, Server
+from radartwin.label.server import DEFAULT_MODEL, DEFAULT_URL, Server
 from radartwin.label.surface_labels import Label, belongs_to_room, labelled, write_labels
 from radartwin.scene.scene import Scene
 from radartwin.scene.storage import MANIFEST

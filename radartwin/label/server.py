@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 DEFAULT_MODEL = "OpenGVLab/InternVL2_5-8B"
 DEFAULT_URL = "http://127.0.0.1:8000/v1"  # the default address of the command `vllm serve`
-KEY_VARIABLE = "RADARTWIN_VLM_KEY"
 
 
 @dataclass
@@ -35,9 +34,6 @@ class Server(Endpoint):
         concurrency: number of requests that are sent in parallel. All other arguments are those of `radartwin.io.chat.Endpoint`.
     """
 
-    requests: int = 5
-    key_variable: str = KEY_VARIABLE
-    max_tokens: int = 400
     concurrency: int = 4
     name = "server"
 

@@ -6,6 +6,7 @@ code in its cache (`radartwin.compiled`). If neither the source code nor Numba h
 
 import contextlib
 import hashlib
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -50,8 +51,8 @@ def _simulate_scenes() -> None:
 
 
 def _digest() -> str:
-    """Return the digest of the source code of the simulator, of the version of Numba, and of the processor."""
-    parts = [numba.__version__, str(spread.targetctx.codegen().magic_tuple())]
+    """Return the digest of the source code of the simulator, of the versions of Python and Numba, and of the processor."""
+    parts = [sys.version, numba.__version__, str(spread.targetctx.codegen().magic_tuple())]
     parts += [f"{name}\n{source_files.text(name)}" for name in sorted(source_files.closure(("radartwin.simulation.compile_ahead",)))]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 

@@ -7,15 +7,14 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-import trimesh
 
 from experiments.scans.accuracy import accuracy
 from experiments.scans.scan import FEWEST, TARGETS, case_rows, scores
 from experiments.scans.virtual_scan import SHIPPED_SEED, SHIPPED_STRENGTH, scanned, shipped_file, unpack
+from experiments.speed.bench import reconstruction
 from radartwin.reconstruct.fusion.fusion import fuse
 from radartwin.scene import rooms
 from radartwin.scene.scene import Scene
@@ -92,26 +91,11 @@ def test_fusion_of_the_largest_room_needs_less_than_a_minute_on_two_cores_and_fo
     assert gibibytes < 4.0
 
 
-def test_half_a_million_triangles_need_less_than_four_gigabytes(tmp_path):
-    """The scan has the true surfaces of a furnished laboratory, with the depth noise of a phone."""
-    pieces = [surface.mesh for surface in rooms.lab()]
-    edge = 1.5 * (4 / np.sqrt(3) * sum(piece.area for piece in pieces) / 500_000) ** 0.5
-    fine: list[Any] = [trimesh.Trimesh(piece.vertices, piece.faces, process=False).subdivide_to_size(edge, max_iter=20) for piece in pieces]
-    rng = np.random.default_rng(0)
-    colours = np.concatenate([np.full((len(piece.vertices), 3), rng.integers(60, 220, 3), np.uint8) for piece in fine])
-    whole: Any = trimesh.util.concatenate(fine)
-    assert len(whole.faces) >= 500_000
-    noisy = whole.vertices + 0.005 * rng.standard_normal(whole.vertices.shape)
-    trimesh.Trimesh(noisy, whole.faces, vertex_colors=colours, process=False).export(tmp_path / "scan.ply")
-    code = (
-        "import sys, time; from experiments.speed.machine import peak_gib; from radartwin.reconstruct.build import reconstruct\n"
-        "reconstruct(sys.argv[1], sys.argv[2])\n"
-        "print(time.process_time(), peak_gib())"
-    )
-    command = [sys.executable, "-c", code, str(tmp_path / "scan.ply"), str(tmp_path / "scene")]
-    core_seconds, gibibytes = map(float, subprocess.run(command, check=True, capture_output=True, text=True).stdout.split())
-    assert core_seconds < 120  # limit in core seconds; two cores need 60 s
-    assert gibibytes < 4.0
+def test_half_a_million_triangles_need_less_than_four_gigabytes():
+    cost = reconstruction()
+    assert cost["faces"] >= 500_000
+    assert cost["peak_gib"] < 4.0
+    assert cost["core_seconds"] < 120  # limit in core seconds; two cores need 60 s
 
 
 def test_drift_correction_halves_the_error():

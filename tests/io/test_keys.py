@@ -43,7 +43,7 @@ def echo() -> Iterator[Callable[..., ChatServer]]:
 
 
 def test_a_key_that_the_server_repeats_is_hidden_in_messages_and_answers(echo, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("RADARTWIN_LLM_KEY", f"{KEY}\r\n")  # white space around a key is not sent
+    monkeypatch.setenv("RADARTWIN_VLM_KEY", f"{KEY}\r\n")  # white space around a key is not sent
     with pytest.raises(BackendError, match="401") as caught:
         Endpoint(echo().url, "m").complete([], {}, "x")
     assert KEY not in str(caught.value)
@@ -52,7 +52,7 @@ def test_a_key_that_the_server_repeats_is_hidden_in_messages_and_answers(echo, m
 
 
 def test_the_key_is_not_sent_to_the_target_of_a_redirection(echo, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("RADARTWIN_LLM_KEY", KEY)
+    monkeypatch.setenv("RADARTWIN_VLM_KEY", KEY)
     elsewhere = echo()
     with pytest.raises(BackendError, match="307"):
         Endpoint(echo(307, f"{elsewhere.url}/chat/completions").url, "m").complete([], {}, "x")
@@ -61,8 +61,8 @@ def test_the_key_is_not_sent_to_the_target_of_a_redirection(echo, monkeypatch: p
 
 @pytest.mark.parametrize("bad", [KEY[:8] + "\n" + KEY[8:], KEY + "é", KEY + "\x07"])
 def test_an_invalid_key_is_refused_and_not_printed(bad: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("RADARTWIN_LLM_KEY", bad)
-    with pytest.raises(ConfigError, match="RADARTWIN_LLM_KEY") as caught:
+    monkeypatch.setenv("RADARTWIN_VLM_KEY", bad)
+    with pytest.raises(ConfigError, match="RADARTWIN_VLM_KEY") as caught:
         Endpoint("http://127.0.0.1:9/v1", "m").complete([], {}, "x")
     assert KEY[:8] not in str(caught.value)
 

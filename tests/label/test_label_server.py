@@ -14,8 +14,9 @@ import pytest
 from chat_server import ChatServer, Reply, completion
 
 from radartwin.errors import BackendError, ConfigError
+from radartwin.io.chat import KEY_VARIABLE
 from radartwin.label.questions import Question, questions
-from radartwin.label.server import KEY_VARIABLE, Server
+from radartwin.label.server import Server
 from radartwin.scene import objects
 from radartwin.scene.scene import Scene, Surface
 

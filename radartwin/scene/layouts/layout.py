@@ -142,7 +142,7 @@ class Layout:
 
     @classmethod
     def from_dict(cls, value: Any, source: str = "layout") -> Layout:
-        """Build an object layout from a parsed YAML file or from the JSON answer of a language model.
+        """Build an object layout from a parsed YAML file.
 
         Raises:
             LayoutError: the document is not a layout; the message has a single line and names the wrong entry of the document.
