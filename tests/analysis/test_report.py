@@ -224,6 +224,7 @@ def test_user_error_stops_the_tables(monkeypatch: pytest.MonkeyPatch, tmp_path: 
 
     monkeypatch.setattr(main, "compose", lambda overrides: compose([*overrides, "tracking=off"]))
     monkeypatch.setattr(linear_rail, "run", refused)
+    monkeypatch.setattr(linear_rail, "recordings", lambda *_: {})
     with pytest.raises(InputError, match="nothing to measure"):
         main.tables("quick", ["linear_rail", "positioning"], tmp_path)
     assert not (tmp_path / "tables" / "failures.json").exists()

@@ -13,11 +13,14 @@ from collections.abc import Sequence
 from itertools import permutations
 
 import numpy as np
+from numpy.polynomial.legendre import leggauss
 from numpy.typing import ArrayLike
 
-ORDER = 12  # Gauss-Legendre points per cell
 MOST_POINTS = 10_000  # points of a panel that are computed together
-CYCLES_PER_CELL = 2.0  # largest phase per cell: 6 points per cycle, relative error of a cell below 1e-8
+CYCLES_PER_CELL = 12.0  # largest phase per cell
+# Gauss-Legendre points per cell. Over c cycles, the series of exp(j x) in Legendre polynomials falls off above degree pi c; n points
+# integrate degree 2 n - 1. Largest relative error over random panels: 1e-8 (8e-7 with MORE_POINTS = 10).
+PER_CYCLE, MORE_POINTS = np.pi / 2, 12
 TOUCHING_M = 1e-12  # a sensor within this distance of a panel's plane counts as lying in the plane
 SAME_M = 1e-9  # corners within this distance are merged
 EMPTY_M2 = 1e-14  # pieces with less area are dropped
@@ -171,7 +174,6 @@ def _area(corners: np.ndarray) -> float:
 
 def _rule(triangle: np.ndarray, source: np.ndarray, target: np.ndarray, wavelength: float) -> list[np.ndarray]:
     """Return nodes and weights along u and v of p = a + u (b - a) + u v (c - b), in cells small enough for the phase of the path."""
-    nodes, weights = np.polynomial.legendre.leggauss(ORDER)
     steps = np.linspace(0, 1, 65)[:, None]
     rules: list[np.ndarray] = []
     for ends in ([(triangle[0], triangle[1]), (triangle[0], triangle[2])], [(triangle[1], triangle[2])]):
@@ -181,6 +183,7 @@ def _rule(triangle: np.ndarray, source: np.ndarray, target: np.ndarray, waveleng
             path = np.linalg.norm(points - source, axis=1) + np.linalg.norm(points - target, axis=1)
             cycles = max(cycles, 64 * np.abs(np.diff(path)).max() / wavelength)
         cells = int(np.ceil(cycles / CYCLES_PER_CELL))
+        nodes, weights = leggauss(int(np.ceil(PER_CYCLE * cycles / cells)) + MORE_POINTS)
         rules += [((np.arange(cells)[:, None] + (nodes + 1) / 2) / cells).ravel(), np.tile(weights / 2 / cells, cells)]
     return rules
 
