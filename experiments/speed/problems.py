@@ -80,7 +80,7 @@ class Problem:
 
 
 def swept(echo: Callable[[np.ndarray], np.ndarray], distance_m: float) -> np.ndarray:
-    """Return samples (1, 1, 1, samples) of an echo, a function of frequencies (F,), at about `distance_m`."""
+    """Return samples (..., 1, 1, 1, samples) of an echo, a function of frequencies (F,) to (F, ...), at about `distance_m`."""
     frequencies = traced.frequencies(traced.MONOSTATIC)
     middle, half = frequencies.mean(), (frequencies[-1] - frequencies[0]) / 2
     nodes = middle + half * np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
@@ -88,17 +88,22 @@ def swept(echo: Callable[[np.ndarray], np.ndarray], distance_m: float) -> np.nda
     def phasor(f: np.ndarray) -> np.ndarray:
         return np.exp(4j * np.pi * f / SPEED_OF_LIGHT * distance_m)
 
-    smooth = BarycentricInterpolator(nodes, echo(nodes) / phasor(nodes))
-    return (np.asarray(smooth(frequencies)) * phasor(frequencies))[None, None, None]
+    smooth = BarycentricInterpolator(nodes, echo(nodes).T / phasor(nodes), axis=-1)
+    return (np.asarray(smooth(frequencies)) * phasor(frequencies))[..., None, None, None, :]
 
 
-def corner_echo(shape: str, size_m: float, pose: np.ndarray) -> np.ndarray:
-    """Return the reference samples of a plate or upright trihedral at a pose (4, 4), seen by an antenna at the origin."""
-    here = -pose[:3, :3].T @ pose[:3, 3]
+def corner_echo(shape: str, size_m: float, poses: np.ndarray) -> np.ndarray:
+    """Return the reference samples of a plate or upright trihedral at poses (S, 4, 4), seen by an antenna at the origin."""
+    here = -np.einsum("sji,sj->si", poses[:, :3, :3], poses[:, :3, 3])
     return swept(
-        lambda f: np.concatenate([corner_echoes(shape, size_m, here, SPEED_OF_LIGHT / frequency) for frequency in f]),
-        float(np.linalg.norm(pose[:3, 3])),
+        lambda f: np.stack([corner_echoes(shape, size_m, here, SPEED_OF_LIGHT / frequency) for frequency in f]),
+        float(np.linalg.norm(poses[0, :3, 3])),
     )
+
+
+def same_echo(echo: Callable[[np.ndarray], np.ndarray], poses: np.ndarray) -> np.ndarray:
+    """Return the reference samples of a body of revolution at CANONICAL_M, which are the same at all poses (S, 4, 4)."""
+    return np.repeat(swept(echo, CANONICAL_M)[None], len(poses), axis=0)
 
 
 def turntable_poses(distance_m: float, frames: int, start_deg: float) -> np.ndarray:
@@ -110,13 +115,12 @@ def turntable_poses(distance_m: float, frames: int, start_deg: float) -> np.ndar
 def canonical(frames: int, scored: int) -> Problem:
     """Return the problem of four metal targets: a plate and a trihedral that turn, and a sphere and a cylinder."""
     poses = {name: turntable_poses(CANONICAL_M, frames, start_deg) for name, start_deg in (("plate", 0.0), ("trihedral", 5.0))}
-    sphere = cache(lambda: swept(partial(sphere_echo, 0.033, CANONICAL_M), CANONICAL_M))
-    cylinder = cache(lambda: swept(partial(cylinder_echo, 0.033, 0.12, CANONICAL_M), CANONICAL_M))
+    sphere, cylinder = partial(sphere_echo, 0.033, CANONICAL_M), partial(cylinder_echo, 0.033, 0.12, CANONICAL_M)
     parts = [
         _part("plate", objects.plate(0.1, 0.1), poses["plate"], scored, partial(corner_echo, "plate", 0.1)),
         _part("trihedral", objects.trihedral(0.1), poses["trihedral"], scored, partial(corner_echo, "trihedral", 0.1)),
-        _part("sphere", objects.sphere(0.033, 4), poses["plate"], scored, lambda pose: sphere()),
-        _part("cylinder", objects.cylinder(0.033, 0.12, 64), poses["plate"], scored, lambda pose: cylinder()),
+        _part("sphere", objects.sphere(0.033, 4), poses["plate"], scored, partial(same_echo, sphere)),
+        _part("cylinder", objects.cylinder(0.033, 0.12, 64), poses["plate"], scored, partial(same_echo, cylinder)),
     ]
     truth = "near-field quadrature (plate), iterative physical optics (trihedral); series (sphere, cylinder)"
     return Problem("canonical", f"canonical targets at {CANONICAL_M:g} m", truth, parts, TURN, True, False)
@@ -132,12 +136,9 @@ def near(frames: int, scored: int) -> Problem:
 
 
 def _part(name: str, mesh: trimesh.Trimesh, poses: np.ndarray, scored: int, echo: Callable[[np.ndarray], np.ndarray]) -> Part:
-    """Return the recording of a metal target alone. `echo` gives its reference samples (1, 1, 1, samples) at a pose (4, 4)."""
+    """Return the recording of a metal target alone. `echo` gives its reference samples (S, 1, 1, 1, samples) at poses (S, 4, 4)."""
     scene = Scene([Surface(mesh, "metal", "target", role="object")])
-    return Part(
-        name, scene, np.eye(4)[None], {"target": poses}, scored, traced.MONOSTATIC,
-        lambda: np.stack([echo(pose) for pose in poses[:scored]]),
-    )  # fmt: skip
+    return Part(name, scene, np.eye(4)[None], {"target": poses}, scored, traced.MONOSTATIC, lambda: echo(poses[:scored]))
 
 
 @cache

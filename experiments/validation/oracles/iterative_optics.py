@@ -87,11 +87,11 @@ def _waves(points: np.ndarray, places: np.ndarray, wavenumber: float) -> tuple[n
 
 def _slopes(cells: np.ndarray, wavenumber: float) -> np.ndarray:
     """Return the spectrum (2n, n, n) along the fold of the Green function's slope over the distance, for two perpendicular faces."""
-    n = len(cells)
-    along = np.minimum(np.arange(2 * n), 2 * n - np.arange(2 * n)) * (cells[1] - cells[0])
+    along = np.arange(len(cells) + 1) * (cells[1] - cells[0])
     distance = np.sqrt(along[:, None, None] ** 2 + cells[:, None] ** 2 + cells**2)
     slope = (1j * wavenumber - 1 / distance) * np.exp(1j * wavenumber * distance) / (4 * np.pi * distance**2)
-    return np.asarray(scipy.fft.fft(slope.astype(np.complex64), axis=0, overwrite_x=True))
+    mirrored = np.concatenate([slope, slope[-2:0:-1]]).astype(np.complex64)
+    return np.asarray(scipy.fft.fft(mirrored, axis=0, overwrite_x=True))
 
 
 def _induce(source: tuple, face: tuple, current: dict, cells: np.ndarray, slopes: np.ndarray, induced: dict) -> None:
