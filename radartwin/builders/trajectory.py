@@ -1,4 +1,4 @@
-"""Build the configured trajectory, which is the poses of sensor and target, and check the poses against the room and the radar."""
+"""Build the configured trajectory (the poses of sensor and target), and check it against the room and the radar."""
 
 from __future__ import annotations
 

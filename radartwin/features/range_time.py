@@ -10,9 +10,9 @@ P(f, r) is the power of frame f at range bin r, averaged over the azimuth channe
   cycle per revolution. If a revolution has more than H frames, only the H lowest Doppler frequencies remain. If it has fewer frames, the
   level of the missing rows is 0.
 
-Each channel has levels in dB, from 0 (signature.FLOOR_DB below the channel's strongest cell or weaker) to 1 (strongest cell). The picture
-therefore does not depend on the gain of the radar. If the revolution starts later, the rows of channel 0 shift cyclically, and channel 1
-does not change. The columns are range bins, with the bin nearest to the target in column W // 2.
+Each channel holds levels from 0 to 1 that are linear in dB: the strongest cell has 1, cells signature.FLOOR_DB or more below it have 0. The
+picture therefore does not depend on the gain of the radar. If the revolution starts later, the rows of channel 0 shift cyclically, and
+channel 1 does not change. The columns are range bins, with the bin nearest to the target in column W // 2.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
 S. Bell, P. Upchurch, N. Snavely, K. Bala, Material Recognition in the Wild with the Materials in Context Database, CVPR 2015, define the
 categories. The materials are those of ITU-R P.2040-4 and the plastics and liquids of this package. A category has either a half-space of a
 material or a stack with the usual layers of such a surface (its build-up). The thicknesses of sheets come from the table `sheets.SHEETS`.
-If several build-ups are common for a category, the table contains the build-up with the smallest `distance_db` to the other common
-build-ups. The field `note` gives the distances in dB.
+If several layer stacks are common for a category, the table contains the one that is nearest to the others (smallest `distance_db`). The
+field `note` gives the distances in dB.
 
 The package uses a P.2040 fit only inside its frequency range. The fits of concrete, plasterboard, wood, glass, ceiling board, chipboard and
 metal include 1 to 100 GHz, and that of floorboard 50 to 100 GHz. The fits of brick, marble and carpet tile end at 40 to 60 GHz. The table

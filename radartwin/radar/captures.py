@@ -10,8 +10,9 @@
 A capture of another tool has no amplitude calibration, so the samples of its recording are in ADC counts and its scale is 1. The receive
 filter passes beat frequencies from 0 to 0.9 fs (complex 1x mode), where fs is the sample rate. The noise is therefore lower just below fs,
 which appears just below zero in the sampled spectrum. If I and Q are exchanged, the spectrum is mirrored. This module finds the order of I
-and Q from this noise. If the noise does not show the order, the description of the capture decides. The echoes do not show the order,
-because with complex sampling they may fill the whole band. Frames with lost packets, which are zeros, take no part in these tests.
+and Q from the step of the noise at zero beat frequency. If the noise does not show the order, the description of the capture decides. The
+echoes do not show the order, because with complex sampling they may fill the whole band. Frames with lost packets, which are zeros, take no
+part in these tests.
 """
 
 from __future__ import annotations

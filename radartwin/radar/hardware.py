@@ -106,7 +106,7 @@ class Hardware:
         return replace(scaled, phase_noise=noise)
 
     def front_end(self, radar: Radar) -> Radar:
-        """Return the radar with which the ideal samples are simulated.
+        """Return the radar for the simulation of samples without receiver errors.
 
         This radar has the IF filter of the hardware. It has no phase noise, because `echoes` adds phase noise to the ideal samples.
         """

@@ -180,7 +180,7 @@ def leather(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.
 
 
 def plastic(rng: np.random.Generator, shape: Shape, pixel_m: float, colours: np.ndarray) -> np.ndarray:
-    """Draw a single colour with a faint texture, as of plastic or paint."""
+    """Draw a uniform colour with a faint texture, like plastic or paint."""
     return shaded(colours[0], 0.012 * noise(rng, shape, 2) + 0.01 * noise(rng, shape, 0.1 / pixel_m))
 
 

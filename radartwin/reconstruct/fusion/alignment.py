@@ -4,9 +4,9 @@ The surface samples of each view are compared with every other view that sees th
 a sample with normal n, and q is the other view's surface point at the projection of x (point-to-plane distance, Chen and Medioni 1992). One
 system of equations contains all pairs of views, as in Pulli 1999, Multiview registration for large data sets. Two priors limit the
 corrections of the poses: the phone's own estimate of its motion between neighbouring views, and the direction of gravity for roll and
-pitch. A Geman-McClure kernel reduces the weight of outliers. During the iterations, the scale of the kernel shrinks from the size of the
-drift to the size of the depth noise. The residuals do not determine the position of the whole scan, so the first part of the camera path
-keeps its position. The solver and the assembly of its equations stay in one file, which is therefore over 300 lines long.
+pitch. A Geman-McClure kernel reduces the weight of outliers. The scale of the outlier kernel starts at the size of the drift and shrinks to
+the size of the depth noise over the iterations. The residuals do not determine the position of the whole scan, so the first part of the
+camera path keeps its position. The solver and the assembly of its equations stay in one file, which is therefore over 300 lines long.
 
 Symbols: delta_i -> correction of view i in world coordinates: a rotation vector, for a rotation about `centre`, and a shift.
 """

@@ -13,10 +13,10 @@ tracer serves as a baseline for comparison. The naive tracer is correct only in 
   the columns of intensity and distance. Between two frames, the hit of each pixel moves on a straight line. A pixel without a hit uses its
   hit in the previous frame, or else in the next frame. The chirps of a frame are spread over the whole frame period, and all transmitters
   transmit at the same time.
-- The version `corrected` is as correct as the method allows. Each ray returns the power of the Lambert patch that its pixel sees, which is
-  rho cos(t) dOmega lambda^2/(16 pi^3 r^2). Here rho is the mean power reflection of the material, t the angle of incidence, dOmega the
-  solid angle of the pixel and r the distance. The signal amplitude is the square root of this power. Rays pass through pixel centres, the
-  radial speed of rigid surfaces is exact, chirps have the radar's timing, and the radar's own antenna pattern applies.
+- The version `corrected` is as correct as the method allows. A pixel sees a Lambert patch, whose received over transmitted power is rho
+  cos(t) dOmega lambda^2/(16 pi^3 r^2). Here rho is the mean power reflection of the material, t the angle of incidence, dOmega the solid
+  angle of the pixel and r the distance. The signal amplitude is the square root of this power. Rays pass through pixel centres, the radial
+  speed of rigid surfaces is exact, chirps have the radar's timing, and the radar's own antenna pattern applies.
 
 Both versions have the following errors of the method. There is no mirror reflection, so plates have no specular echo and corners have no
 multiple bounces. A surface patch of many wavelengths has a single phase, so the echo grows with the number of rays where patches add in

@@ -5,9 +5,9 @@ its TM transmission coefficient. The tables hold the field behind the pane over 
 length (`reflection_table`). The line does not bend, because the layers are parallel, and the small sideways shift of the ray inside the
 layers is left out.
 
-The mesh of a pane should be one sheet of triangles, with all layers in its material. A closed box with two walls is two panes, and each
-wall has all layers of the material. Triangles of one surface at the same place count once, because a line through the common side of two
-triangles hits both.
+The mesh of a pane should be one sheet of triangles, with all layers in its material. A line crosses a closed box twice, and each crossing
+counts as a pane with all layers of the material. Triangles of one surface at the same place count once, because a line through the common
+side of two triangles hits both.
 """
 
 import numpy as np

@@ -193,7 +193,7 @@ class FlatRoom:
     def searched(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float, diffractions: int = 2) -> Searched:
         """Find the sequences of faces and edges whose paths can, along a track, be as strong as `prune` times the strongest path.
 
-        Paths have at most `diffractions` edges (1 or 2), and at most one if the room has more than MAX_EDGES edges.
+        Paths are diffracted at most `diffractions` times (1 or 2), and at most once if the room has more than MAX_EDGES edges.
         """
         twice = diffractions > 1 and len(self.faces.length) <= MAX_EDGES
         if diffractions > 1 and not twice:
