@@ -45,12 +45,15 @@ def compiled(function: Callable[..., Any]) -> Any:
 
 
 def _cached(function: Callable[..., Any], **options: Any) -> Any:
+    source = function.__code__.co_filename
     try:
-        dispatcher = _jit(function, cache=True, **options)
+        dispatcher = _jit(function, cache=Path(source).is_file(), **options)  # the cell of a notebook has no file
     except RuntimeError:  # no folder for the cache can be written
         return _jit(function, **options)
+    if not Path(source).is_file():
+        return dispatcher
     file = dispatcher._cache._cache_file
-    file._source_stamp = (file._source_stamp, _sources(function.__module__))
+    file._source_stamp = (file._source_stamp, _sources(function.__module__, source))
     compile_or_load = dispatcher.compile
     lock = FileLock(Path(dispatcher.stats.cache_path) / f"{function.__module__}.{function.__qualname__}.lock")
 
@@ -148,12 +151,16 @@ class _PartCompiler(_WholeCompiler):
 
 
 @functools.cache
-def _sources(module: str) -> str:
+def _sources(module: str, file: str) -> str:
     """Return the digest of the source code whose functions or constants the machine code of a module can contain: of the module, of the
     modules that it imports, and, if one of these has compiled functions, of the modules that it imports. Unlike the digest of stored
-    results, this digest includes comments, because a syntax tree would take 100 times as long as the text.
+    results, this digest includes comments, because a syntax tree would take 100 times as long as the text. The source of a module outside
+    RadarTwin is `file`, which Numba watches itself.
     """
-    texts = (f"{name}\n{source_files.text(name)}" for name in sorted(source_files.closure((module,), _has_kernels)))
+    entries = (module,)
+    if source_files.source(module) is None:
+        entries = tuple(sorted(source_files.imports_of(Path(file).read_text(encoding="utf-8"), module.rpartition(".")[0])))
+    texts = (f"{name}\n{source_files.text(name)}" for name in sorted(source_files.closure(entries, _has_kernels)))
     return hashlib.sha256("\n".join(texts).encode()).hexdigest()
 
 

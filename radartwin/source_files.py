@@ -83,10 +83,15 @@ def location(name: str) -> Path | None:
 
 @functools.cache
 def _imports(name: str) -> frozenset[str]:
-    homes: dict[str, str] = getattr(importlib.import_module("radartwin"), "_HOMES", {})
     package = name if (path := source(name)) and path.name == "__init__.py" else name.rpartition(".")[0]
+    return imports_of(text(name), package) - {name}
+
+
+def imports_of(code: str, package: str) -> frozenset[str]:
+    """Return the modules of the included packages that the source code of a module in `package` imports."""
+    homes: dict[str, str] = getattr(importlib.import_module("radartwin"), "_HOMES", {})
     imported: set[str] = set()
-    for base, names, whole in _IMPORT.findall(text(name)):
+    for base, names, whole in _IMPORT.findall(code):
         if base:
             base = importlib.util.resolve_name(base, package)
             imported |= {base, *(f"{base}.{each}" for each in re.findall(r"\w+", names))}
@@ -94,7 +99,7 @@ def _imports(name: str) -> frozenset[str]:
             modules = {each.split()[0] for each in whole.split(",") if each.strip()}
             imported |= modules | set(homes.values() if "radartwin" in modules else ())
     # `radartwin` imports the modules of its public names on first use
-    return _with_parents(homes.get(each.removeprefix("radartwin."), each) for each in imported) - {name}
+    return _with_parents(homes.get(each.removeprefix("radartwin."), each) for each in imported)
 
 
 def _with_parents(names: Iterable[str]) -> frozenset[str]:

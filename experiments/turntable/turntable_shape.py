@@ -183,7 +183,7 @@ def _ranking_figure(frame: Frame) -> Figure:
         means = per(RATIO)(of)[order].clip(lower=LOWEST_SHOWN)
         axes.plot(means, place + shift, marker, ms=5, color=colour, label=LABELS[domain])
     axes.set_yticks(place, [f"{catalogue()[name].label} ({catalogue()[name].shape})" for name in order])
-    axes.set(xscale="log", xlabel=f"angular harmonic ratio (values below {LOWEST_SHOWN:g} are drawn there)")
+    axes.set(xscale="log", xlabel=f"angular harmonic ratio (at least {LOWEST_SHOWN:g})")
     axes.grid(axis="x", color="0.9", lw=0.5)
     legend_above(drawing, axes, 2)
     return drawing

@@ -142,16 +142,17 @@ CALLER = (
 )
 
 
-def test_a_change_in_another_file_compiles_its_callers_again(tmp_path):
+@pytest.mark.parametrize("module", ["radartwin.caller", "own_script"])
+def test_a_change_in_another_file_compiles_its_callers_again(tmp_path, module):
     """Numba itself looks only at the file of the caller, so that the old function would stay in its machine code."""
     package = tmp_path / "radartwin"
     package.mkdir()
     (package / "__init__.py").touch()
     for source in (compiled_module.__file__, compiled_module.source_files.__file__):
         shutil.copy(str(source), package)
-    (package / "caller.py").write_text(CALLER)
+    (tmp_path / f"{module.replace('.', '/')}.py").write_text(CALLER)
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
-    code = "from radartwin.caller import caller; print(caller(1.0), sum(caller.stats.cache_hits.values()))"
+    code = f"from {module} import caller; print(caller(1.0), sum(caller.stats.cache_hits.values()))"
     printed = []
     for factor in (2.0, 2.0, 3.0):
         (package / "called.py").write_text(CALLED.format(factor))
