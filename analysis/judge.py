@@ -1,6 +1,7 @@
 """Judge the rows of written tables anew, each from its own columns: `python -m analysis.judge [FOLDER]`.
 
-The command prints the number of rows with each verdict, and each row whose verdict does not follow from its columns (exit status 1).
+The command prints the number of rows with each verdict, and each row whose verdict does not follow from its columns, or whose value or
+interval lies outside the limits `lowest` and `highest` of the quantity (exit status 1).
 Rows of engineering tables whose limit is a column of its own, or compares rows, are counted apart.
 """
 
@@ -39,6 +40,12 @@ def _by_limit(row: Mapping[str, str]) -> str | None:
     return limit_kept(float(row["low" if sign.startswith("low") else "high"] or row["value"]) <= float(limit))
 
 
+def beyond_limits(row: Mapping[str, str]) -> bool:
+    """Return whether the value or an end of the interval lies outside the limits of the quantity."""
+    low, high = row.get("lowest") or "-inf", row.get("highest") or "inf"
+    return any(not float(low) <= float(row[name]) <= float(high) for name in ("value", "low", "high") if row[name])
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Judge the tables of a folder. Returns the exit status."""
     parser = argparse.ArgumentParser(description="Judge the rows of written tables anew, each from its own columns.")
@@ -55,6 +62,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 counts["limits of other columns" if word is None else word] += 1
                 if word not in (None, row["verdict"]):
                     print(f"{file}:{line}: the verdict is {row['verdict']!r}, but its columns say {word!r}")
+                    status = 1
+                if row.get("direction") and beyond_limits(row):
+                    print(f"{file}:{line}: value or interval lies outside the limits {row['lowest'] or '-'} to {row['highest'] or '-'}")
                     status = 1
     told = [f"{counts[word]} {word}" for word in (*VERDICTS, *LIMITS, "limits of other columns")]
     print(*told, f"{counts['']} without a claim", sep=", ")

@@ -105,9 +105,14 @@ def students_t(samples: ArrayLike, limits: tuple[float, float] = ANY, unit: str 
     """
     samples = np.asarray(samples, float)
     value, count = float(samples.mean()), len(samples)
-    half = float(_quantile(LEVEL, count - 1) * np.std(samples, ddof=1) / np.sqrt(count)) if np.ptp(samples) > 0 else math.inf
+    half = float(_quantile(LEVEL, count - 1) * np.std(samples, ddof=1) / np.sqrt(count)) if _differ(samples) else math.inf
     low, high = np.clip([value - half, value + half], *limits)
     return Estimate(value, float(low), float(high), count, limits=limits, unit=unit)
+
+
+def _differ(values: NDArray) -> bool:
+    """Return whether values differ by more than rounding errors."""
+    return bool(np.ptp(values) > 1e-12 * max(1.0, float(np.abs(values).max())))
 
 
 def interval_of_p(value: float, null: float, p: float, n: int, limits: tuple[float, float] = ANY, scale: str = "") -> Estimate:
@@ -376,7 +381,7 @@ def over_draws(estimates: Sequence[Estimate], resamples: int, seed: int) -> Esti
     values, items = ends[:, 0], min(e.n for e in estimates)
     if draws == 1 or (all(e.drawn is None for e in estimates) and np.array_equal(ends, ends[[0] * draws], equal_nan=True)):
         return first  # the estimate does not depend on the draw
-    if first.closed and np.ptp(values) > 0:
+    if first.closed and _differ(values):
         return replace(students_t(values, first.limits), closed=True)
     if all(e.shuffled is not None and e.shuffled.shape == first.shuffled.shape for e in estimates):  # type: ignore[union-attr]
         return permuted(float(values.mean()), np.mean([e.shuffled for e in estimates], axis=0), items, first.limits, first.scale)  # type: ignore[arg-type]

@@ -30,6 +30,7 @@ from radartwin.config.compose import compose
 from radartwin.errors import ConfigError
 from radartwin.runs.experiment import JUDGED, SCORE_COLUMNS, VERDICTS, Result, Table
 from radartwin.runs.run import run_experiment, run_key
+from radartwin.store.digest import semantic
 
 SOURCES = {
     module.TABLE.name: module
@@ -53,7 +54,7 @@ TABLE = Table(
     "value, interval and verdict at each strength, with the number of draws in brackets. They rest on a campaign of their own "
     "(profile.strength_campaign, in the paper profile a smaller one), so that the column 'strength 1' may differ from the value. "
     "'Over all strengths' compares the verdicts of these columns. The quick profile has strength 1 alone. 'Evidence' names the draws; "
-    "all draws but the registered ones are exploratory (experiments/gaps/registration.py).",
+    "all draws and settings but the registered ones are exploratory (experiments/gaps/registration.py).",
 )
 
 
@@ -75,6 +76,7 @@ ON_OBJECTS, ON_BOTH = (PERMUTATION, "objects"), (STUDENT, "draws and objects")  
 GAIN = Claim(bound=LEAST_GAIN, null=0.0)
 DRIVES = ("rover_fidelity", "rover_recognition", "reconstruction_ablation")  # tables of drives; all others are of turntable and rail
 REGISTERED = {False: range(100, 110), True: range(100, 103)}  # draws that decide the registered claims; True: of drives
+REGISTERED_PROFILE = ("profile=paper", f"profile.campaign.first_draw={REGISTERED[False][0]}")
 AT_1_M = {"distance_m": 1.0}  # every profile has turntable recordings at 1 m, and the quick profile at no other distance
 
 
@@ -168,9 +170,9 @@ HEADLINES = (
 
 
 @functools.cache
-def _defaults(table: str) -> Config:
+def _defaults(table: str, *overrides: str) -> Config:
     """Return the default configuration of a table. Reading the option files takes a tenth of a second or more each time."""
-    return compose([f"experiment={table}"])
+    return compose([f"experiment={table}", *overrides])
 
 
 def at_strength(config: Config, table: str, strength: float) -> Config:
@@ -248,7 +250,7 @@ def score(config: Config, computed: Callable[[Config], Result]) -> Result:
             "claim of the paper": headline.text, "source": headline.source, "table": headline.table,
             **{f"strength {strength:g}": _told(row) for strength, row in at.items()},
             "over all strengths": NOT_COMPARED if not verdicts or None in verdicts else DEPENDS if len(verdicts) > 1 else AGREES,
-            "evidence": evidence(config, headline.table in DRIVES),
+            "evidence": evidence(config, headline.table in DRIVES, nominal.get("draws")),
         }  # fmt: skip
         rows.append({**case, **{name: nominal.get(name) for name in COPIED}, "seed": config.seed})
     at_levels(rows)
@@ -257,10 +259,13 @@ def score(config: Config, computed: Callable[[Config], Result]) -> Result:
     return Result("headline", rows, {}, metrics, sorted({key for result in known.values() for key in result.keys}))
 
 
-def evidence(config: Config, drives: bool) -> str:
-    """Return the draws of a row, and whether they are the registered draws, no more and no fewer. Other draws are exploratory."""
-    read = draws.numbers(config, drives)
-    return f"draws {read[0]} to {read[-1]}, {'registered' if read == list(REGISTERED[drives]) else 'exploratory'}"
+def evidence(config: Config, drives: bool, count: int | None = None) -> str:
+    """Return the draws of a row, and whether they are the registered draws, no more and no fewer, with the settings of the paper profile.
+    Other draws and settings are exploratory, and so is a row that only `count` of the draws have.
+    """
+    read, usual = draws.numbers(config, drives), _defaults(TABLE.name, *REGISTERED_PROFILE)
+    alike = read == list(REGISTERED[drives]) and count in (None, len(read)) and semantic(config) == semantic(usual)
+    return f"draws {read[0]} to {read[-1]}, {'registered' if alike else 'exploratory'}"
 
 
 def _row(rows: Rows, headline: Headline) -> Mapping[str, Any] | None:
@@ -286,15 +291,16 @@ def _told(row: Mapping[str, Any] | None) -> str:
 
 
 def at_levels(rows: Sequence[dict[str, Any]]) -> None:
-    """Judge the rows with a p value as one family by Holm's correction (Scandinavian Journal of Statistics 6 (1979) 65): the claim of rank
-    i of m has the level 1 - 0.05/(m - i + 1). Claims that the testbed cannot decide are no tests.
+    """Judge the rows as one family by Holm's correction (Scandinavian Journal of Statistics 6 (1979) 65): the claim of rank i of m has the
+    level 1 - 0.05/(m - i + 1). A claim without a p value counts as p = 1. Claims that the testbed cannot decide are no tests.
     """
-    tested = sorted((row for row in rows if row["p"] is not None and row["verdict"] != NOT_HERE), key=lambda row: row["p"])
-    for rank, row in enumerate(tested):
-        level = 1 - (1 - LEVEL) / (len(tested) - rank)
-        ends = at_level(row["value"], *_numbers(row, "low", "high"), level, row["freedom"], row["interval_scale"] or "")
+    claims = sorted((row for row in rows if row["verdict"] != NOT_HERE), key=lambda row: 1.0 if row["p"] is None else row["p"])
+    for rank, row in enumerate(claims):
+        row |= {"family": PRIMARY, "level": 1 - (1 - LEVEL) / (len(claims) - rank)}
+        if row["p"] is None:
+            continue
+        ends = at_level(row["value"], *_numbers(row, "low", "high"), row["level"], row["freedom"], row["interval_scale"] or "")
         row["low"], row["high"] = (float(end) if math.isfinite(end) else None for end in np.clip(ends, *_numbers(row, "lowest", "highest")))
-        row |= {"family": PRIMARY, "level": level}
         row["verdict"] = judge(*(row[name] for name in ("value", "low", "high", "bound", "direction", "null", "margin", "reason")))
 
 

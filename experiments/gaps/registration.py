@@ -4,9 +4,9 @@
     python -m experiments.gaps.registration check registration.json [outputs/tables/headline.csv]
 
 The first command writes the claims of the headline that this testbed can decide, the draws that will decide them, the date, and a hash of
-all this. It needs no results. The headline reads these draws with profile=paper profile.campaign.first_draw=100. The second command refuses
-a file whose hash does not match. It says which claims of a table differ from the registered ones, and which rest on other draws. The exit
-status is 2 if a file is refused, and 1 if a claim differs.
+all this. It needs no results, and never replaces a file. The headline reads these draws with profile=paper
+profile.campaign.first_draw=100. The second command refuses a file whose hash does not match. It says which claims of a table differ from
+the registered ones, and which rest on other draws or settings. The exit status is 2 if a file is refused, and 1 if a claim differs.
 """
 
 import argparse
@@ -110,6 +110,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     try:
         if given.verb == "write":
+            if given.registration.exists():
+                raise InputError(f"{given.registration} exists, and a registration is never replaced; name a new file")
             content = registration(claims(), datetime.datetime.now(datetime.UTC).date().isoformat())
             files.write_atomically(given.registration, json.dumps(content, indent=1) + "\n")
             print(f"{given.registration}: {len(content['claims'])} claims, sha256 {content['sha256']}")

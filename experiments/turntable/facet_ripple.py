@@ -7,12 +7,13 @@ Paper, disentangled fidelity, shape: the triangulated mesh ripples at about 128 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.statistics import Estimate
+from experiments.statistics import LOG, POSITIVE, Estimate, students_t
 from experiments.verdicts import NONE, Claim, Row
 from radartwin.config.config import Config
 from radartwin.features.envelope import harmonic_ratio
@@ -59,7 +60,7 @@ def envelope(mesh: trimesh.Trimesh, distance_m: float | None, seed: int) -> NDAr
 
 
 def ripple_rows(config: Config) -> list[Row]:
-    """Build rows of the ripple of both cans and of their ratio; the intervals span all random seeds of the ray grid."""
+    """Build rows of the ripple of both cans, whose intervals span all random seeds of the ray grid, and of its ratio (see `ratio`)."""
     rows = []
     for distance in (NEAR_M, None):
         envelopes = {flat: [envelope(can(flat), distance, seed) for seed in SEEDS] for flat in (True, False)}
@@ -69,13 +70,23 @@ def ripple_rows(config: Config) -> list[Row]:
         where = "far field" if distance is None else f"{distance:g} m"
         for flat, label in ((True, "flat facets"), (False, "curved facets")):
             case = {"case": f"can of {FACETS} {label}, {where}", "distance_m": distance, "of": "tracer"}
-            rows.append(_row(config, case, "facet ripple", band[flat], NONE))
-        more = [a / max(b, 1e-15) for a, b in zip(band[True], band[False], strict=True)]
+            spanned = Estimate(float(np.median(band[flat])), min(band[flat]), max(band[flat]), len(SEEDS))
+            rows.append(_row(config, case, "facet ripple", spanned, NONE))
         case = {"case": f"flat over curved facets, {where}", "distance_m": distance, "of": "tracer"}
-        rows.append(_row(config, case, "ratio of ripples", more, RIPPLES))
+        rows.append(_row(config, case, "ratio of ripples", ratio(band[True], band[False]), RIPPLES))
     return rows
 
 
-def _row(config: Config, case: dict[str, Any], metric: str, values: list[float], claim: Claim) -> Row:
-    estimate = Estimate(float(np.median(values)), min(values), max(values), len(values))
+def ratio(above: list[float], below: list[float]) -> Estimate:
+    """Return the geometric mean of the ratios over seeds, with the interval by Student's t of their logarithms.
+
+    >>> round(ratio([1.0, 10.0, 100.0], [0.1, 1.0, 10.0]).value, 3)
+    10.0
+    """
+    logs = students_t(np.log(np.array(above) / np.maximum(below, 1e-15)), unit="seeds")
+    value, low, high = (float(np.exp(log)) for log in (logs.value, logs.low, logs.high))
+    return replace(logs, value=value, low=low, high=high, limits=POSITIVE, scale=LOG)
+
+
+def _row(config: Config, case: dict[str, Any], metric: str, estimate: Estimate, claim: Claim) -> Row:
     return Row(case, metric, estimate, frozenset(), claim, config, domain="none")

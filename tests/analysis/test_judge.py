@@ -35,6 +35,14 @@ def test_a_wrong_verdict_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "t.csv:2: the verdict is 'supported', but its columns say 'direction shown'" in capsys.readouterr().out
 
 
+def test_a_share_outside_its_limits_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    head = HEAD.replace("reason", "lowest,highest,reason")
+    for low, status in (("0.0", 0), ("-0.1", 1)):
+        (tmp_path / "t.csv").write_text(f"{head}c,0.2,above,0.0,,0.0,1.0,,,0.1,{low},0.3,undecided\n")
+        assert judge.main([str(tmp_path)]) == status
+    assert "t.csv:2: value or interval lies outside the limits 0.0 to 1.0" in capsys.readouterr().out
+
+
 def test_a_folder_without_tables_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert judge.main([str(tmp_path)]) == 2
     assert "holds no table" in capsys.readouterr().err

@@ -107,6 +107,9 @@ def test_each_claim_has_the_level_of_its_rank() -> None:
     assert [claim["level"] for claim in rows] == pytest.approx([1 - 0.05 / 2, 1 - 0.05 / 3, 0.95, 0.95])
     assert [claim["verdict"] for claim in rows] == ["supported"] * 3 + ["not testable here"]
     assert [claim["family"] for claim in rows] == ["primary"] * 3 + [""]
+    rows = [row(0.02), row(0.02) | {"p": None, "low": None, "high": None, "verdict": "undecided"}]
+    headline.at_levels(rows)
+    assert [claim["level"] for claim in rows] == [1 - 0.05 / 2, 0.95]  # a claim without a p value stays in the family
     rows = [row(0.03), row(0.031), row(0.032)]
     headline.at_levels(rows)
     assert [claim["verdict"] for claim in rows] == ["undecided", "undecided", "supported"]

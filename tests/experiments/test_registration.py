@@ -17,6 +17,7 @@ from experiments.campaign.frame import Frame
 from experiments.gaps import headline, registration
 from experiments.rover import rover_fidelity
 from experiments.turntable import turntable_material, turntable_shape
+from radartwin.config.compose import compose
 from radartwin.errors import InputError
 
 REGISTERED = {one[registration.TEXT]: one for one in registration.claims()}
@@ -67,7 +68,10 @@ def test_a_table_is_compared_with_the_registered_claims(
 
 
 def test_the_committed_registration_states_the_present_claims() -> None:
-    assert registration.read(Path(__file__).parents[2] / "docs/registration.json") == list(REGISTERED.values())
+    """The hash is that of 2026-11-29, before the draws 100 to 109 were simulated."""
+    path = Path(__file__).parents[2] / "docs/registration.json"
+    assert registration.read(path) == list(REGISTERED.values())
+    assert json.loads(path.read_text())["sha256"] == "1f1cc3f86090cb982417a6c806485edb78dc267c25cb1df1e4d66f63f4ad70f3"
 
 
 @pytest.mark.parametrize(
@@ -93,10 +97,33 @@ def test_a_claim_without_a_test_is_refused(name: str) -> None:
         registration.registration([claim], "2026-11-28")
 
 
-def test_other_draws_than_the_registered_ones_are_exploratory() -> None:
-    told = [headline.evidence(config("headline", "profile=paper", *more), False) for more in
-            ([], ["profile.campaign.first_draw=100"], ["profile.campaign.first_draw=100", "profile.campaign.draws=11"])]  # fmt: skip
-    assert told == ["draws 0 to 9, exploratory", "draws 100 to 109, registered", "draws 100 to 110, exploratory"]
+@pytest.mark.parametrize(
+    ("overrides", "told"),
+    [
+        ([], "draws 0 to 9, exploratory"),
+        (["profile.campaign.first_draw=100"], "draws 100 to 109, registered"),
+        (["profile.campaign.first_draw=100", "output=elsewhere", "jobs=1", "simulator.variant=llvm"], "draws 100 to 109, registered"),
+        (["profile.campaign.first_draw=100", "profile.campaign.draws=11"], "draws 100 to 110, exploratory"),
+        (["profile.campaign.first_draw=100", "seed=7"], "draws 100 to 109, exploratory"),
+        (["profile.campaign.first_draw=100", "measured.gap.person=0"], "draws 100 to 109, exploratory"),
+        (["profile=quick", "profile.campaign.first_draw=100", "profile.campaign.draws=10"], "draws 100 to 109, exploratory"),
+    ],
+)
+def test_other_draws_and_settings_than_the_registered_ones_are_exploratory(overrides: list[str], told: str) -> None:
+    assert headline.evidence(compose(["experiment=headline", "profile=paper", *overrides]), False) == told
+
+
+def test_a_row_that_some_registered_draws_lack_is_exploratory() -> None:
+    settings = compose(["experiment=headline", "profile=paper", "profile.campaign.first_draw=100"])
+    assert headline.evidence(settings, False, 10) == "draws 100 to 109, registered"
+    assert headline.evidence(settings, False, 9) == "draws 100 to 109, exploratory"
+
+
+def test_a_registration_is_never_replaced(written: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = written.read_bytes()
+    assert registration.main(["write", str(written)]) == 2
+    assert "never replaced" in capsys.readouterr().err
+    assert written.read_bytes() == before
 
 
 def test_the_tables_state_the_claims_as_they_are_registered() -> None:

@@ -181,6 +181,17 @@ def test_equal_draws_have_the_interval_and_the_p_of_one_draw() -> None:
         assert (many.low, many.high) == pytest.approx((0.4, 0.6), abs=0.005)
 
 
+def test_draws_that_differ_by_rounding_alone_are_equal() -> None:
+    """Six objects gain 0.1 in each of three draws, others in each draw; the three means differ by 7e-18."""
+    sixes = ([0.1] * 6 + [0.0] * 6, [0.0] * 6 + [0.1] * 6, [0.1, 0.0] * 6)
+    gains = [replace(statistics.sign_flipped(np.array(six), 0, statistics.SIGNED), closed=True) for six in sixes]
+    assert 0 < np.ptp([gain.value for gain in gains]) < 1e-16
+    joined = statistics.over_draws(gains, 500, 0)
+    assert (joined.test, joined.unit) == ("permutation", "objects")
+    assert joined.p(0.0) == pytest.approx(2 / 2**12)  # all twelve objects gain
+    assert statistics.students_t([gain.value for gain in gains]).low == -np.inf
+
+
 def test_single_empty_and_limited_draws() -> None:
     one, nothing = statistics.mean([1.0, 2.0, 4.0], 100, 0), Estimate(0.5, 0.0, 1.0, 0)
     assert statistics.over_draws([one], 100, 0) is one

@@ -64,6 +64,13 @@ def test_flat_facets_ripple_at_their_number_and_curved_facets_do_not() -> None:
     assert harmonic_ratio(flat, 120, 136) > 50 * harmonic_ratio(curved, 120, 136)
 
 
+def test_a_ratio_of_ripples_is_judged_by_the_logarithms_of_its_seeds() -> None:
+    """Of ratios 10, 100 and 1000, the mean logarithm is 2 with a standard error of 0.577, times 4.303 by Student's t."""
+    estimate = facet_ripple.ratio([10.0, 100.0, 1000.0], [1.0, 1.0, 1.0])
+    assert (estimate.value, estimate.low, estimate.high) == pytest.approx((100.0, 10 ** (2 - 2.484), 10 ** (2 + 2.484)), rel=2e-3)
+    assert (estimate.p(1.0) < 0.05) == (estimate.low > 1.0)
+
+
 def test_brightness_follows_the_material_class(frame: Frame) -> None:
     """Plastic returns 0.12 of the power of metal (-9.2 dB). Objects of one material differ by up to 1.5 dB."""
     result = turntable_material.score(config("turntable_material"), frame)
