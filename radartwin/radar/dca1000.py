@@ -28,6 +28,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.radar.word_order import WORD, Layout
 
 PACKET_BYTES = 1456  # number of sample bytes in one packet of the DCA1000 capture card
+_PCAP = tuple(bytes.fromhex(magic) for magic in ("d4c3b2a1", "a1b2c3d4", "4d3cb2a1", "a1b23c4d", "0a0d0d0a"))  # of pcap and pcapng
 _COUNTERS = 10  # bytes of sequence number and byte count before the samples of a UDP packet
 _MAGIC = bytes.fromhex("dc0ada0cdc0ada0c")
 _LONGEST_HEADER = 4096  # bytes, by judgement
@@ -157,7 +158,11 @@ class SampleFile:
             raise RecordingError(f"{self.path}: {error}") from error
 
     def _refuse_packets(self) -> None:
-        """Raise RecordingError if the files hold UDP packets with their sequence numbers and byte counts."""
+        """Raise RecordingError if the files are a packet capture, or hold UDP packets with their sequence numbers and byte counts."""
+        if self.read(0, 4) in _PCAP:
+            raise RecordingError(
+                f"{self.path}: it is a packet capture (pcap); join the samples of its packets, with zeros for lost packets"
+            )
         packet = PACKET_BYTES + _COUNTERS
         counters = [self.read(n * packet, _COUNTERS) for n in range(3)]
         numbers = [int.from_bytes(data[:4], "little") for data in counters]
