@@ -289,6 +289,11 @@ def _dca1000(path: Path, radar: Radar, layout: Layout, cut: bool, say: Say) -> _
         raise RecordingError(f"{path}: {reason}; record all four receivers, or without interleaving")
     layout, described = dca1000.with_card_settings(layout, path.parent)
     file = dca1000.SampleFile(dca1000.parts(path), radar, replace(layout, q_first=False))
+    if lost := file.packets_without_zeros():
+        packets = f"{plural(lost, 'packet')} of {dca1000.PACKET_BYTES} bytes without zeros instead"
+        raise RecordingError(
+            f"{path}: it lacks {packets}, so that later samples are shifted; record again, or fill lost packets with zeros"
+        )
     if file.rest and not (cut and file.frames):
         hint = "drop the incomplete frame of an interrupted capture with --cut" if file.frames else "record again"
         raise RecordingError(f"{file.leftover(radar)}; it is truncated or belongs to another radar description; {hint}")

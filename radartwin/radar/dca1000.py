@@ -122,6 +122,12 @@ class SampleFile:
             self.size if self._starts is None else self._tail + len(self._starts) * chirp_bytes, self.frame_bytes
         )
 
+    def packets_without_zeros(self) -> int:
+        """Return the number of packets by which the file is too short. A recording that only stops early ends with a whole packet."""
+        missing = self.frame_bytes - self.rest
+        lost = self._starts is None and self.rest and missing % PACKET_BYTES == 0 and self.size % PACKET_BYTES
+        return missing // PACKET_BYTES if lost else 0
+
     def leftover(self, radar: Radar) -> str:
         """Return, as text, that the file is no whole number of frames."""
         return (

@@ -102,8 +102,9 @@ _PHASES_OF_CHIRPS = ("rlBpmChirps", "rlRfPhaseShiftCfgs")  # of a .mmwave.json: 
 _CHANGES = ("rlDynChirpCfgs", "rlDynPerChirpPhShftCfgs", "rlLoopbackBursts")  # of a .mmwave.json: chirps that change during the capture
 _PARTS = {"profileCfg": ("rlProfiles", "rlProfileCfg_t"), "chirpCfg": ("rlChirps", "rlChirpCfg_t")}  # commands that a file repeats
 # Commands with two forms: the number of arguments of the rarer form, and the conversion to the other form. The frameCfg of AWR294x has the
-# number of samples before the period (MMWAVE-MCUPLUS SDK). The adcbufCfg of SDK 1 has no sub-frame before its four numbers (SDK).
-_FORMS = {("frameCfg", 8): lambda v: [*v[:4], *v[5:]], ("adcbufCfg", 4): lambda v: [-1.0, *v]}
+# number of samples before the period (MMWAVE-MCUPLUS SDK). The adcbufCfg of SDK 1 has no sub-frame before its four numbers (SDK). The four
+# lanes of xWR14xx carry I before Q, although their only adcbufCfg (0 1 0 1) has SampleSwap 1.
+_FORMS = {("frameCfg", 8): lambda v: [*v[:4], *v[5:]], ("adcbufCfg", 4): lambda v: [-1.0, v[0], v[1] if v[2] else 0.0, *v[2:]]}
 _REFUSED = {
     "advFrameCfg": "sub-frames are not supported; use frameCfg",
     **dict.fromkeys(
@@ -189,8 +190,6 @@ def parse_cfg(text: str) -> Setup:
         return out
 
     general = numbers([field for field in FIELDS if field.cfg and field.command not in _PARTS])
-    if general["separate"] == 0:  # the four lanes of xWR14xx carry I before Q, although their only adcbufCfg (0 1 0 1) has SampleSwap 1
-        general["q_first"] = None if general["q_first"] is None else 0
     platforms = re.findall(r"(?i)%\s*Platform\s*:\s*(\S+)", text)
     return Setup(
         general,

@@ -142,6 +142,7 @@ KINDS = {
     "Q first by iqSwapSel": (studio(swap=1), words(echo(PAIR, ROW, 6))),
     "real samples": (cfg(adc="2 0", buffer="-1 1 1 1 1"), words(echo(PAIR, ROW, 6), "real")),
     "four lanes": (cfg(buffer="0 1 0 1"), words(echo(PAIR, ROW, 6), "IIIIQQQQ")),
+    "interleaved receivers by ChanInterleave": (cfg(buffer="-1 0 1 0 1"), words(echo(PAIR, ROW, 6), "QQQQIIII")),
     "interleaved receivers by chInterleave": (studio(separate=0, swap=1), words(echo(PAIR, ROW, 6), "QQQQIIII")),
     "14 bits": (cfg(adc="1 1"), words(echo(PAIR, ROW, 6), bits=14)),
     "12 bits of mmWave Studio": (studio(bits=0), words(echo(PAIR, ROW, 6), "IIQQ", bits=12)),
@@ -224,6 +225,7 @@ OTHER_CHIRPS = b"".join(part.tobytes()[:640] for part in with_headers([np.zeros(
 # For each refusal: words of the message, the files, and the options of `radartwin process a.bin --radar a.cfg`.
 REFUSALS: dict[str, tuple[str, dict[str, object], list[str]]] = {
     "packet headers": ("packet headers of the DCA1000", {"a.bin": packets(PLAIN)}, []),
+    "lost packet without zeros": ("lacks 1 packet of 1456 bytes", {"a.bin": PLAIN[:2912] + PLAIN[4368:]}, ["--cut"]),
     "packet capture": ("packet capture", {"a.bin": bytes.fromhex("d4c3b2a102000400") + PLAIN[:-8]}, []),
     "two receivers of four lanes": (
         "fewer than four receivers",
