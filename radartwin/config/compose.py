@@ -89,6 +89,12 @@ class Composer:
         import hydra
         from hydra.core.global_hydra import GlobalHydra
 
+        for override in _parse(options):
+            key, value = override.key_or_group, override.value()
+            if not key or (override.is_delete() and not isinstance(value, str | None)):  # Hydra would raise a ValueError
+                raise ConfigError(messages.unreadable(override.input_line))
+            if isinstance(value, list) and key in groups():  # of several options of a group, Hydra would take the last
+                raise ConfigError(messages.several_values(key))
         _register_schemas()
         GlobalHydra.instance().clear()
         with hydra.initialize_config_dir(str(conf_dir()), version_base="1.3"):

@@ -38,7 +38,7 @@ def explain(error: BaseException) -> str:
     chain = list(_causes(error))
     for cause in chain:
         if isinstance(cause, OverrideParseException):
-            return f"cannot read the override '{cause.override}'; write group=option or key=value"
+            return unreadable(cause.override)
         if isinstance(cause, MissingConfigException) and cause.missing_cfg_file:
             return unknown_option(cause.missing_cfg_file, cause.options or ())
     for cause in reversed(chain):
@@ -51,6 +51,10 @@ def explain(error: BaseException) -> str:
     if match := re.match(r"Ambiguous value for argument '(.+)'", str(error)):
         return several_values(match.group(1))
     return _first_line(error)
+
+
+def unreadable(override: str | None) -> str:
+    return f"cannot read the override '{override}'; write group=option or key=value"
 
 
 def several_values(key: str) -> str:

@@ -25,7 +25,10 @@ def load(text: str | bytes) -> Any:
 
 
 def read(path: Path) -> Any:
-    """Parse a JSON file in UTF-8, of which at most MAX_BYTES are read. Raises ValueError for the same reasons as `load`, and OSError."""
+    """Parse a JSON file in UTF-8, with or without a byte order mark, of which at most MAX_BYTES are read.
+
+    Raises ValueError for the same reasons as `load`, and OSError.
+    """
     with path.open("rb") as stream:
         content = stream.read(MAX_BYTES + 1)
-    return load(content.decode("utf-8"))
+    return load(content.decode("utf-8-sig"))

@@ -90,7 +90,8 @@ def load_capture(
         path: path of a recording of this package (without suffix, or with .bin or .json), of a .bin file of the DCA1000, of a folder of the
             cascade's capture board, or of a .npy or .npz file. For a capture in several .bin files, the path of any of these files selects
             the whole capture. A cube has the shape [chirp, sample], [chirp, channel, sample], [frame, chirp, channel, sample] or
-            [frame, chirp, tx, rx, sample], with channels ordered by transmitter first.
+            [frame, chirp, tx, rx, sample], with channels ordered by transmitter first. With three and four axes, the chirps of all
+            transmitters may follow each other instead, so that the channels are the receivers.
         radar: a Radar or the path of a radar file. A cube and a capture of the cascade require `radar`; for a .bin file, `radar` replaces
             the .mmwave.json beside it.
         board: name of the board, in place of the board in the radar file (radartwin.radar.boards).
@@ -139,6 +140,8 @@ def load_capture(
         source = _Source(path, radar, **roverd.opened(path, radar, cut, say))
         description = description._replace(layout=replace(description.layout, q_first=True))
     elif not bin_path.is_file():
+        if path.exists():
+            raise RecordingError(f"{path}: it is no .bin, .npy or .npz file and no folder of the cascade; convert it to a .npy cube")
         raise MissingError(f"{bin_path}: no such recording; give a .bin, a .npy cube, or the stem of a recording")
     else:
         source = _dca1000(bin_path, radar, description.layout, cut, say)
@@ -265,6 +268,8 @@ def _log(source: _Source, configured: int, say: Say) -> dict[str, Any]:
             say(f"{log.lost} of {log.received + log.lost} packets were lost ({log.lost_bytes} bytes of zeros)")
         if log.out_of_sequence:
             say(f"{log.out_of_sequence} packets were out of sequence")
+    if 0 < configured < len(source.frames):
+        say(f"the capture holds {plural(len(source.frames), 'frame')} instead of the {configured} of its description; check --radar")
     if more := {origin: count for origin, count in expected.items() if count > len(source.frames)}:
         missing = ", ".join(f"{count} {origin}" for origin, count in more.items())
         say(f"frames are missing: the capture holds {plural(len(source.frames), 'frame')}, {missing}")
@@ -279,8 +284,16 @@ def _test_frames(source: _Source) -> list[int]:
 
 def _dca1000(path: Path, radar: Radar, layout: Layout, cut: bool, say: Say) -> _Source:
     """Open the files of a DCA1000 capture. Refuse words that are unsigned or in another order without a description that says so."""
+    if layout.interleaved and radar.num_rx < 4:
+        reason = "its receivers alternate, and the places of fewer than four receivers on the lanes are unknown"
+        raise RecordingError(f"{path}: {reason}; record all four receivers, or without interleaving")
     layout, described = dca1000.with_card_settings(layout, path.parent)
     file = dca1000.SampleFile(dca1000.parts(path), radar, replace(layout, q_first=False))
+    if lost := file.packets_without_zeros():
+        packets = f"{plural(lost, 'packet')} of {dca1000.PACKET_BYTES} bytes without zeros instead"
+        raise RecordingError(
+            f"{path}: it lacks {packets}, so that later samples are shifted; record again, or fill lost packets with zeros"
+        )
     if file.rest and not (cut and file.frames):
         hint = "drop the incomplete frame of an interrupted capture with --cut" if file.frames else "record again"
         raise RecordingError(f"{file.leftover(radar)}; it is truncated or belongs to another radar description; {hint}")
@@ -327,9 +340,9 @@ def _cube(path: Path, radar: Radar) -> _Source:
         # The array has a single channel. Its successive chirps are one loop of all transmitters apart.
         first = {"tx_positions_m": radar.tx_positions_m[:1], "rx_positions_m": radar.rx_positions_m[:1]}
         radar = replace(radar, **first, chirp_interval=radar.loop_interval_s)
-    shape = dca1000.frame_shape(radar)
-    count = axes[0] if len(axes) > 3 else 1
-    if len(axes) not in (2, 3, 4, 5) or np.prod(axes) != count * np.prod(shape) or axes[-1:] != (radar.num_samples,):
+    shape = chirps, tx, rx, samples = dca1000.frame_shape(radar)
+    count, frame = (axes[0], axes[1:]) if len(axes) > 3 else (1, axes)
+    if frame not in ((chirps, samples), (chirps, tx * rx, samples), (chirps * tx, rx, samples), shape):
         frames = f"whose frames are (chirp, tx, rx, sample) = {shape}"
         raise RecordingError(f"{path}: shape {axes} does not fit radar {radar.name}, {frames}; give its radar")
     if count < 1:

@@ -28,6 +28,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.radar.word_order import WORD, Layout
 
 PACKET_BYTES = 1456  # number of sample bytes in one packet of the DCA1000 capture card
+_PCAP = tuple(bytes.fromhex(magic) for magic in ("d4c3b2a1", "a1b2c3d4", "4d3cb2a1", "a1b23c4d", "0a0d0d0a"))  # of pcap and pcapng
 _COUNTERS = 10  # bytes of sequence number and byte count before the samples of a UDP packet
 _MAGIC = bytes.fromhex("dc0ada0cdc0ada0c")
 _LONGEST_HEADER = 4096  # bytes, by judgement
@@ -121,6 +122,12 @@ class SampleFile:
             self.size if self._starts is None else self._tail + len(self._starts) * chirp_bytes, self.frame_bytes
         )
 
+    def packets_without_zeros(self) -> int:
+        """Return the number of packets by which the file is too short. A recording that only stops early ends with a whole packet."""
+        missing = self.frame_bytes - self.rest
+        lost = self._starts is None and self.rest and missing % PACKET_BYTES == 0 and self.size % PACKET_BYTES
+        return missing // PACKET_BYTES if lost else 0
+
     def leftover(self, radar: Radar) -> str:
         """Return, as text, that the file is no whole number of frames."""
         return (
@@ -157,7 +164,11 @@ class SampleFile:
             raise RecordingError(f"{self.path}: {error}") from error
 
     def _refuse_packets(self) -> None:
-        """Raise RecordingError if the files hold UDP packets with their sequence numbers and byte counts."""
+        """Raise RecordingError if the files are a packet capture, or hold UDP packets with their sequence numbers and byte counts."""
+        if self.read(0, 4) in _PCAP:
+            raise RecordingError(
+                f"{self.path}: it is a packet capture (pcap); join the samples of its packets, with zeros for lost packets"
+            )
         packet = PACKET_BYTES + _COUNTERS
         counters = [self.read(n * packet, _COUNTERS) for n in range(3)]
         numbers = [int.from_bytes(data[:4], "little") for data in counters]

@@ -61,6 +61,8 @@ separate | adcbufCfg 3 | {_DATA}.rlDevDataFmtCfg_t.chInterleave | 1 | 0 1 | 0: t
 content | lvdsStreamCfg 2 | | 1 | 0 1 | 4: chirp parameters and quality stand beside the samples | SDK, dataFmt
 packet | | {_DATA}.rlDevDataPathCfg_t.transferFmtPkt0 | 1 | 1 | 1: only samples are sent | rlDevDataPathCfg_t
 lanes | | {_DATA}.rlDevLaneEnable_t.laneEn | 3 | 3 15 | bit mask of the LVDS lanes | rlDevLaneEnable_t
+second_packet | | {_DATA}.rlDevDataPathCfg_t.transferFmtPkt1 | 0 | 0 | other data follow the samples of each chirp | rlDevDataPathCfg_t
+frame_mode | dfeDataOutputMode 0 | | 1 | 1 | 1: equal frames of chirps, 2: no chirps, 3: sub-frames | SDK
 bpm | bpmCfg 1 | | 0 | 0 | 1: two transmitters send at once with binary phases | SDK
 first | frameCfg 0 | {_RF}.rlFrameCfg_t.chirpStartIdx | ? | | first chirp of a loop | rlFrameCfg_t
 last | frameCfg 1 | {_RF}.rlFrameCfg_t.chirpEndIdx | ? | | last chirp of a loop | rlFrameCfg_t
@@ -97,10 +99,12 @@ _REQUIRED = "?"
 # - antGeometryCfg: row and column of each virtual antenna, then the spacing of columns and rows in wavelengths (MMWAVE-MCUPLUS SDK).
 _LISTS = ("antGeometry0", "antGeometry1", "antPhaseRot", "antGeometryCfg")
 _PHASES_OF_CHIRPS = ("rlBpmChirps", "rlRfPhaseShiftCfgs")  # of a .mmwave.json: binary phases and phase shifts (rlBpmChirpCfg_t)
+_CHANGES = ("rlDynChirpCfgs", "rlDynPerChirpPhShftCfgs", "rlLoopbackBursts")  # of a .mmwave.json: chirps that change during the capture
 _PARTS = {"profileCfg": ("rlProfiles", "rlProfileCfg_t"), "chirpCfg": ("rlChirps", "rlChirpCfg_t")}  # commands that a file repeats
 # Commands with two forms: the number of arguments of the rarer form, and the conversion to the other form. The frameCfg of AWR294x has the
-# number of samples before the period (MMWAVE-MCUPLUS SDK). The adcbufCfg of SDK 1 has no sub-frame before its four numbers (SDK).
-_FORMS = {("frameCfg", 8): lambda v: [*v[:4], *v[5:]], ("adcbufCfg", 4): lambda v: [-1.0, *v]}
+# number of samples before the period (MMWAVE-MCUPLUS SDK). The adcbufCfg of SDK 1 has no sub-frame before its four numbers (SDK). The four
+# lanes of xWR14xx carry I before Q, although their only adcbufCfg (0 1 0 1) has SampleSwap 1.
+_FORMS = {("frameCfg", 8): lambda v: [*v[:4], *v[5:]], ("adcbufCfg", 4): lambda v: [-1.0, v[0], v[1] if v[2] else 0.0, *v[2:]]}
 _REFUSED = {
     "advFrameCfg": "sub-frames are not supported; use frameCfg",
     **dict.fromkeys(
@@ -186,8 +190,6 @@ def parse_cfg(text: str) -> Setup:
         return out
 
     general = numbers([field for field in FIELDS if field.cfg and field.command not in _PARTS])
-    if general["separate"] == 0:  # the four lanes of xWR14xx carry I before Q, although their only adcbufCfg (0 1 0 1) has SampleSwap 1
-        general["q_first"] = None if general["q_first"] is None else 0
     platforms = re.findall(r"(?i)%\s*Platform\s*:\s*(\S+)", text)
     return Setup(
         general,
@@ -199,8 +201,12 @@ def parse_cfg(text: str) -> Setup:
 
 
 def parse_studio(values: Mapping[str, Any]) -> Setup:
-    """Parse the first device in the content of a mmWave Studio .mmwave.json file. Raise RecordingError if a value is malformed."""
+    """Parse the only device in the content of a mmWave Studio .mmwave.json file. Raise RecordingError if a value is malformed."""
     device = _get(values, "mmWaveDevices", 0)
+    if (count := len(values["mmWaveDevices"])) > 1:
+        raise RecordingError(f"it describes {count} devices; for four AWR2243 of the cascade, give --radar awr2243_cascade")
+    if changes := [listed for listed in _CHANGES if _get(device, _RF, listed, default=[])]:
+        raise RecordingError(f"{changes[0]} changes chirps during the capture, which is not supported; leave it empty")
     if (waveform := _get(device, _RF, "waveformType", default="legacyFrameChirp")) != "legacyFrameChirp":
         raise RecordingError(f"waveformType {waveform} is not supported; use legacyFrameChirp")
 

@@ -67,9 +67,9 @@ COUNTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "M
 USHORT, FLOAT = 5123, 5126
 POINTS_OR_LINES, TRIANGLES, FAN = (0, 1, 2, 3), 4, 6  # modes of a glTF primitive
 _MAGIC, _JSON, _BINARY = 0x46546C67, 0x4E4F534A, 0x004E4942
+MOST_WORDS = 40  # in the name of a picture with its options
 FLAT = 1e-6  # largest |sine| of the angle at a corner in a straight line
 _POLYGON = re.compile(r"^f(?:[ \t]+\S+){4}|^f\s[^\n]*-", re.MULTILINE)  # a face of an .obj with four corners, or counted backwards
-
 logging.getLogger("trimesh").addHandler(logging.NullHandler())  # this module reports what trimesh would only log
 
 
@@ -204,7 +204,9 @@ class _Beside(FilePathResolver):
         self.folder, self.missing = path.parent, list[str]()
 
     def get(self, name: str) -> bytes:
-        for spelling in (name, unquote(name).replace("\\", "/")):
+        # In an .mtl, options such as "-s 1 1 1" may stand before the name of a picture.
+        words = name.split()[:MOST_WORDS] if name.startswith("-") else []
+        for spelling in (name, unquote(name).replace("\\", "/"), *(" ".join(words[n:]) for n in range(1, len(words)))):
             try:
                 if (file := inside(self.folder, spelling)).is_file():
                     return file.read_bytes()

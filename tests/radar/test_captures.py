@@ -142,6 +142,7 @@ KINDS = {
     "Q first by iqSwapSel": (studio(swap=1), words(echo(PAIR, ROW, 6))),
     "real samples": (cfg(adc="2 0", buffer="-1 1 1 1 1"), words(echo(PAIR, ROW, 6), "real")),
     "four lanes": (cfg(buffer="0 1 0 1"), words(echo(PAIR, ROW, 6), "IIIIQQQQ")),
+    "interleaved receivers by ChanInterleave": (cfg(buffer="-1 0 1 0 1"), words(echo(PAIR, ROW, 6), "QQQQIIII")),
     "interleaved receivers by chInterleave": (studio(separate=0, swap=1), words(echo(PAIR, ROW, 6), "QQQQIIII")),
     "14 bits": (cfg(adc="1 1"), words(echo(PAIR, ROW, 6), bits=14)),
     "12 bits of mmWave Studio": (studio(bits=0), words(echo(PAIR, ROW, 6), "IIQQ", bits=12)),
@@ -224,6 +225,14 @@ OTHER_CHIRPS = b"".join(part.tobytes()[:640] for part in with_headers([np.zeros(
 # For each refusal: words of the message, the files, and the options of `radartwin process a.bin --radar a.cfg`.
 REFUSALS: dict[str, tuple[str, dict[str, object], list[str]]] = {
     "packet headers": ("packet headers of the DCA1000", {"a.bin": packets(PLAIN)}, []),
+    "lost packet without zeros": ("lacks 1 packet of 1456 bytes", {"a.bin": PLAIN[:2912] + PLAIN[4368:]}, ["--cut"]),
+    "packet capture": ("packet capture", {"a.bin": bytes.fromhex("d4c3b2a102000400") + PLAIN[:-8]}, []),
+    "two receivers of four lanes": (
+        "fewer than four receivers",
+        {"a.cfg": cfg(buffer="0 1 0 1").replace("channelCfg 15", "channelCfg 3")},
+        [],
+    ),
+    "file of another kind": ("a.mat: it is no .bin, .npy", {"a.mat": b"MATLAB 5.0"}, ["a.mat"]),
     "packets in another order": ("packet headers of the DCA1000", {"a.bin": packets(PLAIN, (0, 2, 1, 4))}, []),
     "no header at the first chirp": ("bytes without a header", {"a.bin": HEADED[100:]}, ["--cut"]),
     "headers of other chirps": ("736 bytes apart", {"a.bin": OTHER_CHIRPS}, []),
@@ -268,6 +277,15 @@ def test_capture_is_refused_in_one_line(kind: str, tmp_path: Path, inside) -> No
     assert (done.returncode, done.stdout) == (2, "")
     assert len(done.stderr.splitlines()) == 1
     assert re.search(message, done.stderr), done.stderr
+
+
+def test_more_frames_than_described_are_reported(tmp_path: Path) -> None:
+    """The description begins with a byte order mark, as some editors write it."""
+    (radar := tmp_path / "a.mmwave.json").write_text(studio().replace('"numFrames": 0', '"numFrames": 2'), encoding="utf-8-sig")
+    (tmp_path / "a.bin").write_bytes(PLAIN)
+    notes: list[str] = []
+    assert load_capture(tmp_path / "a.bin", radar, say=notes.append).num_frames == 3
+    assert "the capture holds 3 frames instead of the 2 of its description; check --radar" in notes
 
 
 def test_process_and_import_take_the_same_options(tmp_path: Path, inside) -> None:

@@ -159,6 +159,8 @@ def test_unsigned_cube_is_read_as_signed_counts(tmp_path):
 
 CUBES = [  # without arrays, the file is text
     ({"iq": np.zeros((8, 8, 60), complex)}, RADAR, "does not fit radar"),
+    ({"iq": np.ones((3, 2, 8, 4, 64), complex)}, RADAR, "does not fit radar"),  # tx before chirp
+    ({"iq": np.ones((3, 4, 16, 64), complex)}, RADAR, "does not fit radar"),  # rx before chirp
     ({"iq": np.zeros((0, 8, 2, 4, 64), complex)}, RADAR, "zero frames"),
     ({"cube": np.zeros((2, 2), complex)}, RADAR, "it has no array iq"),
     ({"iq": np.zeros((2, 2))}, RADAR, "expected complex samples, or int16"),

@@ -55,6 +55,7 @@ CONFIGURATIONS = [
     ("chirpCfg 1 1 0 0 0 0 0 4", "chirpCfg 1 1 3 0 0 0 0 4", "profile"),
     ("channelCfg 15 5 0", "channelCfg 0 5 0", "rx 0x0"),
     ("frameCfg 0 1 16 0 100", "frameCfg 0 1 16 0 1", "frame_rate_hz"),
+    ("dfeDataOutputMode 1", "dfeDataOutputMode 3", "line 4: frame_mode 3 is not supported"),
     ("frameCfg 0 1 16 0 100", "frameCfg 0 1 16 0 0", "frame period"),
     ("70 1 256 5210", "70 1 2048 5210", "chirp_interval"),
 ]
@@ -64,6 +65,8 @@ STUDIO = [
     ("rawDataCaptureConfig", "rlDevLaneEnable_t", 5),
     ("rawDataCaptureConfig.rlDevLaneEnable_t", "laneEn", float("inf")),
     ("rawDataCaptureConfig.rlDevLaneEnable_t", "laneEn", "0xF"),
+    ("rawDataCaptureConfig.rlDevDataPathCfg_t", "transferFmtPkt1", "0x6"),
+    ("rfConfig", "rlDynChirpCfgs", [{"rlDynChirpCfg_t": {"chirpSegSel": 0}}]),
     ("rfConfig", "rlProfiles", 5),
     ("rfConfig", "rlChirps", {}),
     ("rfConfig.rlFrameCfg_t", "numLoops", None),
@@ -71,6 +74,7 @@ STUDIO = [
 ]
 RADARS = [
     *(("x.mmwave.json", json.dumps({"mmWaveDevices": devices}), ()) for devices in ([], 5, [5])),
+    ("x.mmwave.json", json.dumps({"mmWaveDevices": 4 * json.loads(studio_json())["mmWaveDevices"]}), ("4 devices", "awr2243_cascade")),
     ("r.yaml", "{1: 2, a: 3}", ("radar",)),
     ("r.yaml", "radar: 5", ("radar",)),
     ("r.yaml", "a: [1", ("line 1",)),

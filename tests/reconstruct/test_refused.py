@@ -109,6 +109,7 @@ ROWS: list[Row] = [
     of_folder(PoseError, "line 1: 7 numbers", lambda path: pose_file(path, ["0 0 0 0 0 1"]), intrinsics=LENS),
     of_folder(PoseError, "length 2", lambda path: pose_file(path, ["0 0 0 0 0 0 2"]), intrinsics=LENS),
     of_folder(ScanError, "give --intrinsics FX FY CX CY", lambda path: pose_file(path, ["0 0 0 0 0 0 1"])),
+    of_folder(ScanError, "lie outside the picture", lambda path: pose_file(path, ["0 0 0 0 0 0 1"]), intrinsics=(60, 60, 999, 9)),
     of_folder(ScanError, "no poses", lambda path: pose_file(path, [], 1), intrinsics=LENS),
     (ScanError, "no frames", lambda _: Frames.of([])),
     (ScanError, "same name", lambda _: Frames.of([wall("a"), wall("a")])),

@@ -306,7 +306,7 @@ def shown_m2(path):
 def test_faces_keep_the_colours_of_two_pictures_and_at_a_seam(tmp_path):
     picture(tmp_path / "first page.png", RED, GREEN)
     picture(tmp_path / "second.png", BLUE, BLUE)
-    (tmp_path / "a.mtl").write_text("newmtl one\nmap_Kd first page.png\nnewmtl two\nmap_Kd second.png\n")
+    (tmp_path / "a.mtl").write_text("newmtl one\nmap_Kd first page.png\nnewmtl two\nmap_Kd -clamp on -s 1 1 1 second.png\n")
     corners = [(9, 9, 9), (0, 0, 0), (3, 0, 0), (3, 2, 0), (0, 2, 0), (4, 0, 0), (4, 2, 0), (8, 8, 8), (3, 0, 1.5), (3, 2, 1.5)]
     lines = ["mtllib a.mtl", *(f"v {x} {y} {z}" for x, y, z in corners), "vt 0.2 0.5", "vt 0.8 0.5"]
     lines += ["usemtl one", "f 2/1 3/1 4/1 5/1", "f 3/2 6/2 7/2 4/2", "usemtl two", "f 3/1 4/1 10/1 9/1"]

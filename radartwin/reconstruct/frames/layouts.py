@@ -162,6 +162,10 @@ def load_one_camera(
     camera = _camera(folder, intrinsics)
     first = next((path for path in (*depths, *colours) if path is not None), None)
     first_size = picture_size(first) if first else (0, 0)
+    centre = camera[:2, 2]
+    if first and not np.all((centre > 0) & (centre < first_size)):
+        size = f"the picture {first.name} of {first_size[0]} x {first_size[1]} pixels"
+        raise ScanError(f"{folder}: cx, cy = {centre[0]:g}, {centre[1]:g} lie outside {size}; give the intrinsics of these pictures")
 
     def lens(i: int, kind: str, size: tuple[int, int]) -> np.ndarray:
         return camera if kind == "depth" else rescaled(camera, first_size, size)
