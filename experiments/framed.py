@@ -1,9 +1,11 @@
 """Make the functions of a table's module that the runner calls, from what the table declares: recordings, cells, figures and metrics."""
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from experiments.campaign.cases import MEASURED
 from experiments.campaign.frame import Frame
 from experiments.cells import Cell, first_draw, keys, table_rows
 from experiments.drawing import Figure
@@ -16,6 +18,14 @@ Figures = Mapping[str, Callable[[], Figure]]
 
 def _alone(query: Query, store: Store, progress: Progress) -> tuple[Frame]:
     return (query.frame(store, progress),)
+
+
+def at_draw(config: Config, frame: Frame) -> Config:
+    """Return the configuration with the draw of a frame that has the measured recordings of one draw of the testbed."""
+    numbers = frame.draw[frame.domain == MEASURED].unique()
+    if config.measured.provider != "testbed" or len(numbers) != 1:
+        return config
+    return replace(config, measured=replace(config.measured, draw=int(numbers[0])))
 
 
 def framed(
@@ -34,7 +44,7 @@ def framed(
 
     Args:
         query: returns the recordings of the table, or the arguments of `Query`.
-        cells: (configuration, frame) -> cells of one draw. Further values that `source` returns beside the frame precede it.
+        cells: (configuration with the draw, frame) -> cells of one draw. Further values that `source` returns beside the frame precede it.
         figures: of the rows and the frame of the first draw, or by name the functions that draw this frame.
         metrics: of the rows, or by name, which is filled with the columns of a row, the columns that the row must have.
         source: returns the frame of a query, and further values.
@@ -52,7 +62,8 @@ def framed(
         return {name.format_map(row): row["value"] for name, row in kept}
 
     def score(config: Config, frame: Frame, *more: Any) -> Result:
-        rows, first = table_rows(config, frame, partial(cells, config, *more), exact), first_draw(frame)
+        rows = table_rows(config, frame, lambda part: cells(at_draw(config, part), *more, part), exact)
+        first = first_draw(frame)
         used = sorted(frozenset().union(*(row.recordings for row in rows))) if named else keys(frame)
         drawn = {name: partial(draw, first) for name, draw in figures.items()} if isinstance(figures, Mapping) else figures(rows, first)
         return Result(table.name, [*filter(listed, rows)], drawn, measured(rows), used)

@@ -30,6 +30,7 @@ CHANCE_MARGIN = 0.1  # an accuracy that differs from chance by at most one recor
 SAME_MODELS = "the simulation holds the model of each measured object, not of another object of its kind"
 NO_SESSIONS = "the receiver has no gain and no start offset of its own in each session"
 FLOOR_ONLY = "within 1 m of the target, the court has only the floor"
+TRAININGS = 1_000  # distance between the seeds of the trainings of two draws
 ONE_OBJECT = "a class has a single object"
 ECHOES, LOOKS = "radar_description", "description"  # texts of an object: how its echo varies over a revolution, and what it looks like
 TEXT, RECORDINGS = "nearest text", "other recordings"  # names of probes
@@ -57,8 +58,11 @@ def settings(config: Config, level: str = "label_free") -> Settings:
 
 
 def seeds(config: Config) -> list[int]:
-    """Return the random seeds of the trainings; each table averages the results over these seeds."""
-    return [config.seed + number for number in range(config.supervision.seeds)]
+    """Return the random seeds of the trainings, over which each table averages. Each draw of the testbed has trainings of its own, because
+    an interval over draws that share trainings would not contain their random error.
+    """
+    first = config.seed + TRAININGS * (config.measured.draw or 0)
+    return [first + number for number in range(config.supervision.seeds)]
 
 
 def encoders(config: Config, split: Split) -> list[Encoder]:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
+import pandas as pd
 import pytest
 from fake_campaign import config
 
-from experiments import cells, draws, statistics
+from experiments import cells, draws, framed, statistics
 from experiments.campaign import truth
 from experiments.campaign.campaign import Campaign
 from experiments.campaign.cases import Case, planned
+from experiments.recognition import labelled_probe, protocol
 from experiments.verdicts import Claim, RowList
 from radartwin.errors import ConfigError
 from radartwin.io.progress import Progress
@@ -32,6 +35,18 @@ def test_rows_of_draws_join_by_their_conditions() -> None:
     assert (first["value"], first["draws"], first["n"], first["answers"], first["chance"]) == (pytest.approx(2.05), 2, 2, 8, 0.25)
     assert first.claim.bound == pytest.approx(0.3)
     assert (second["value"], second["draws"], second["verdict"]) == (5.0, 1, "")
+
+
+def test_draws_share_no_training() -> None:
+    """Otherwise the spread over draws would lack the random error of the trainings."""
+    settings, used = config("labelled_probe", "profile.campaign.draws=3"), []
+    frame = pd.DataFrame({"domain": ["twin", "measured", "measured", "measured"], "draw": [0, 0, 1, 2], "twin": "", "truth": ""})
+    score = framed.framed(
+        labelled_probe.TABLE, {}, lambda at, _: used.append(protocol.seeds(at)) or (), lambda *_: {}, lambda _: {}, named=True
+    )[2]
+    score(settings, frame)
+    assert used[0] == protocol.seeds(settings) == list(range(settings.supervision.seeds))
+    assert len(set(np.ravel(used))) == 3 * settings.supervision.seeds
 
 
 def test_each_draw_has_seeds_of_its_own_and_the_first_has_the_configured_seed(tmp_path) -> None:
