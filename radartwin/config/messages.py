@@ -28,6 +28,32 @@ GONE = {  # keys and options of version 1.0 that are no longer known, and what t
     "supervision.encoder.symmetric": "leave it out, because the encoder has one loss",
     "trajectory.frame": "write trajectory.topic with a topic of Odometry or PoseStamped",
 }
+METRICS = {  # experiment: metrics of version 1.0 (patterns) and values of its column `metric` that are no longer known, and what to write
+    "contrastive": {r"(geometry|material)_(object|recording)": r"write accuracy_\1_other_\2s_embeddings"},
+    "corner_reflector_calibration": {"residual_db_filled_plastic": "write 'residual_db_filled plastic'"},
+    "encoder_comparison": {
+        "accuracy_two-layer_network": "write accuracy_no_labels_two_layer_network_texts_of_looks",
+        "accuracy_two-layer_network_radar_texts": "write accuracy_no_labels_two_layer_network",
+        r"accuracy_(boosted_trees|convolutional_network)": r"write accuracy_no_labels_\1", "chance": "read the column chance",
+    },
+    "headline": {
+        "holds": "write supported", "fails": "write 'direction shown', undecided or contradicted",
+        "untestable": "write 'not testable here'", "gain in correlation": "read the row with the metric \"gain in Fisher's z\"",
+    },
+    "labelled_probe": {
+        r"accuracy_pretrained_(.+)": r"write accuracy_\1_trained_on_simulation", "chance": "read the column chance",
+        r"accuracy_raw_(.+)": r"write accuracy_\1_raw_features",
+    },
+    "randomisation_ablation": {r"accuracy_(nearest_text|other_recordings)_(.+)": r"write accuracy_\2_\1"},
+    "reality": {"fails_rows": "write misses_rows", "untestable_rows": "count the rows with an empty verdict"},
+    "reconstruction_ablation": {
+        r"(object|shape)_(.+)": r"write accuracy_\1_\2",
+        "share of the unequal answers": "read the rows with the metric 'share of the unequal objects'",
+    },
+    "simulation_parts": {r"(accuracy_.+)_RF-Genesis_corrected": r"write \1_RF_Genesis_corrected_"},
+    "turntable_label_free": {r"accuracy_(geometry|identity|material)": r"write accuracy_\1_encoder_on_ranks"},
+    "validation": {"cases_fails": "write cases_misses", "cases_untestable": "write cases_absent"},
+}  # fmt: skip
 
 
 def explain(error: BaseException) -> str:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from radartwin.config.compose import Composer, parse_overrides
 from radartwin.config.config import Config
+from radartwin.config.messages import METRICS
 from radartwin.errors import BackendError, ConfigError, UserError
 from radartwin.io import files
 from radartwin.io.one_line import plural
@@ -55,6 +57,9 @@ def search(overrides: Sequence[str], config_dirs: Sequence[Path], goal: SearchGo
     composer = Composer(config_dirs)
     middle = [f"{key}={_text(_middle(distribution))}" for key, distribution in searched.items()]
     (first,) = composed([[*fixed, *middle]], composer)
+    for old, instead in METRICS.get(first.experiment.name or "", {}).items():
+        if match := re.fullmatch(old, goal.metric):
+            raise ConfigError(f"--search {goal.metric}: the metric was renamed or removed after version 1.0; {match.expand(instead)}")
     study, place = _study(first, fixed, searched, goal)
     title = f"search {goal.direction} {goal.metric} over {' '.join(override for override in settings if naming([override]))}"
     with sweeping(first, [*fixed, *middle], ["--search", goal.metric, *overrides, *folders(config_dirs)], composer, title) as running:

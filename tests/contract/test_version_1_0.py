@@ -1,16 +1,21 @@
-"""Files that version 1.0.0 wrote load; its configuration keys that are gone are refused by a line that names what to write."""
+"""Files that version 1.0.0 wrote load; its keys and metrics that are gone are refused by a line that names what to write."""
 
 from __future__ import annotations
 
+import inspect
+import shlex
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from experiments.turntable.environment import GAIN
+from experiments.verdicts import CONTRADICTED, MISSES, NOT_HERE, SHOWN, SUPPORTED, UNDECIDED
 from radartwin.benchmark import entry_folder
 from radartwin.config.compose import compose
-from radartwin.config.messages import GONE
+from radartwin.config.messages import GONE, METRICS
 from radartwin.errors import ConfigError
 from radartwin.radar.recording import Recording
 from radartwin.recognize.model import Recogniser
@@ -78,3 +83,34 @@ def test_a_key_that_is_gone_names_what_to_write(key: str, tmp_path: Path) -> Non
         with pytest.raises(ConfigError) as caught:
             compose(overrides, [tmp_path])
         assert f"was removed after version 1.0; {GONE[key]}" in str(caught.value)
+
+
+LITERAL = {(experiment, old): new for experiment, of in METRICS.items() for old, new in of.items() if "(" not in old}
+PRESENT = {  # experiment, metric of version 1.0: what to write, or columns of the row with its value (upper case: names in the module)
+    ("contrastive", "geometry_object"):
+        {"attribute": "geometry", "left out": "object", "method": "EMBEDDED", "metric": "balanced accuracy"},
+    ("corner_reflector_calibration", "residual_db_filled_plastic"): {"materials": "FILLED", "metric": "ERROR", "method": "AFTER"},
+    ("encoder_comparison", "accuracy_two-layer_network"): {"method": "OF_LOOKS", "labels per class": 0},
+    ("encoder_comparison", "accuracy_two-layer_network_radar_texts"): {"method": "NETWORK", "labels per class": 0},
+    ("encoder_comparison", "accuracy_boosted_trees"): {"method": "TREES", "labels per class": 0},
+    ("labelled_probe", "accuracy_pretrained_other_revolutions"): {"probe": "REVOLUTIONS", "method": "PRETRAINED"},
+    ("labelled_probe", "accuracy_raw_other_recordings"): {"probe": "RECORDINGS", "method": "RAW"},
+    ("randomisation_ablation", "accuracy_nearest_text_noise_only"): {"probe": "nearest text", "copies": "NOISE_ONLY"},
+    ("reconstruction_ablation", "object_no_room"): {"classes": "object", "method": "VOID"},
+    ("simulation_parts", "accuracy_nearest_text_RF-Genesis_corrected"): {"probe": "TEXT", "simulation": "RIVAL"},
+    ("turntable_label_free", "accuracy_identity"): {"attribute": "identity", "method": "ENCODER"},
+    ("headline", "holds"): f"write {SUPPORTED}", ("headline", "fails"): f"write '{SHOWN}', {UNDECIDED} or {CONTRADICTED}",
+    ("headline", "untestable"): f"write '{NOT_HERE}'", ("headline", "gain in correlation"): f'read the row with the metric "{GAIN}"',
+    ("reality", "fails_rows"): f"write {MISSES}_rows", ("validation", "cases_fails"): f"write cases_{MISSES}",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("experiment", "old", "new"), [(*old, new) for old, new in (LITERAL | PRESENT).items()])
+def test_a_search_for_an_old_metric_names_the_present_one(inside, experiment: str, old: str, new: dict[str, Any] | str) -> None:
+    if isinstance(new, dict):
+        module = import_module(f"experiments.recognition.{experiment}")
+        row = {"metric": "accuracy", "value": 1.0} | {name: getattr(module, str(value), value) for name, value in new.items()}
+        new = f"write {shlex.quote(*inspect.getclosurevars(module.score).nonlocals['measured']([row]))}"
+    done = inside("run", f"experiment={experiment}", "--search", old, "seed=1,2")
+    assert done.returncode == 2
+    assert done.stderr.endswith(f"--search {old}: the metric was renamed or removed after version 1.0; {new}\n")
