@@ -48,8 +48,8 @@ def test_saved_network_estimates_metric_depth_with_the_view_of_the_colour(model_
     frame = with_depth(lab[0][:2], model)[0]
     assert frame.colour_intrinsics is not None
     # The same ray through the corner of either picture.
-    corners = [(-0.5 - lens[:2, 2]) / np.diag(lens)[:2] for lens in (frame.intrinsics, frame.colour_intrinsics)]
-    assert np.allclose(*corners)
+    first, second = [(-0.5 - lens[:2, 2]) / np.diag(lens)[:2] for lens in (frame.intrinsics, frame.colour_intrinsics)]
+    assert np.allclose(first, second)
 
 
 def test_estimated_depth_is_fused_and_its_scale_is_reported(lab):

@@ -34,7 +34,7 @@ class Contact:
     def picked(self, index: Any, curved: bool) -> "Contact":
         """Return the contacts at the lane indices `index`; `curved` is that of the geometry."""
         *values, turns = (getattr(self, field.name) for field in fields(self))
-        return Contact(*picked(values, index), picked(turns, index) if curved else turns)
+        return Contact(*picked(values, index), picked(turns, index) if curved else turns)  # pyright: ignore[reportCallIssue]
 
     def mirrored(self, direction: Any) -> Any:
         """Return the direction of a tube after mirror reflection at the surface."""
