@@ -55,7 +55,7 @@ class Schedule:
             track_tasks.sort(key=lambda task: (task.case.motion, task.case.distance_m))
 
     def next_task(self, worker: int) -> RecordingTask | None:
-        """Return the next recording for a worker, or None if no recording is left.
+        """Return the next recording for a worker, or None if no recording is left for which its set-up would be worth the time.
 
         A worker first receives recordings along its own track (radar path in a room), then recordings along a track that no other worker
         has. The first worker that needs the simulated phone scan of a room computes the scan, while all other workers that need the same
@@ -63,10 +63,10 @@ class Schedule:
         wait for the scan of another worker comes last. Among tracks of equal priority, the track that takes the longest comes first.
         """
         last = self._of_worker.pop(worker, None)
-        tracks = [track for track, tasks in self.tracks.items() if tasks]
+        taken = list(self._of_worker.values())
+        tracks = [track for track, left in self.tracks.items() if left and (track == last or track not in taken or self._needs_help(track))]
         if not tracks:
             return None
-        taken = list(self._of_worker.values())
 
         def rank(track: Track) -> tuple[bool, bool, bool, bool, float]:
             config = self.tracks[track][0].config
@@ -77,6 +77,11 @@ class Schedule:
         track = self._of_worker[worker] = min(tracks, key=rank)
         self._begun.add(track)
         return self.tracks[track].pop(0)
+
+    def _needs_help(self, track: Track) -> bool:
+        """Return whether the recordings that are left of a track take longer than its set-up, which a second worker would repeat."""
+        first, further = SECONDS.get((track[1], track[3]), OTHERS)
+        return further * len(self.tracks[track]) > first - further
 
     def remaining(self) -> float:
         """Return the expected processor time in seconds of the recordings that no worker has received."""

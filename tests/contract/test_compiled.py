@@ -151,7 +151,7 @@ def test_a_change_in_another_file_compiles_its_callers_again(tmp_path, module):
     for source in (compiled_module.__file__, compiled_module.source_files.__file__):
         shutil.copy(str(source), package)
     (tmp_path / f"{module.replace('.', '/')}.py").write_text(CALLER)
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
     code = f"from {module} import caller; print(caller(1.0), sum(caller.stats.cache_hits.values()))"
     printed = []
     for factor in (2.0, 2.0, 3.0):

@@ -61,6 +61,14 @@ def test_every_recording_is_made_once_and_a_worker_stays_on_its_track(tasks: lis
         assert len(set(followed)) == len(list(itertools.groupby(followed)))
 
 
+def test_no_second_worker_sets_up_a_track_for_a_few_recordings(tasks: list[RecordingTask]) -> None:
+    short = [task for task in tasks if task.domain == "twin" and _track(task)[2] == "bench"][:3]
+    schedule = Schedule(short)
+    assert schedule.next_task(0)
+    assert schedule.next_task(1) is None
+    assert len([task for _ in short if (task := schedule.next_task(0))]) == 2
+
+
 @pytest.mark.parametrize("parts", [1, 7, 100])
 def test_parts_have_every_recording_once(tmp_path: Path, parts: int) -> None:
     plan = Campaign(compose(["experiment=campaign_part"]), Store(tmp_path), Progress(quiet=True)).plan()
