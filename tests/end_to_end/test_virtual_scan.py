@@ -43,6 +43,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, float], Pat
     return folder
 
 
+@pytest.mark.filterwarnings("ignore:surfaces around the radar")  # the profile error in the reconstructed room traces its clutter by tubes
 @pytest.mark.parametrize(("room", "strength"), LEAST)
 def test_scan_scores_stay_within_recorded_bounds(room: str, strength: float, made: Callable[[str, float], Path]) -> None:
     case = scores(made(room, strength), room, strength, SHIPPED_SEED)

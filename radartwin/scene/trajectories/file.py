@@ -31,7 +31,7 @@ def read_track(path: str | Path, axes: Axes = "sensor", topic: str | None = None
     Args:
         axes: body axes of the poses in the file: "sensor" (x forward, y left, z up), or "optical" (x right, y down, z forward) for a
             camera.
-        topic, frame: topic and coordinate frame to read from a ROS bag; `ros.read_bag` explains them.
+        topic: topic to read from a ROS bag; `ros.read_bag` explains it.
     Raises:
         MissingError: the file does not exist.
         PoseError: the file is unreadable or a pose is invalid. If a line of a text file is invalid, the message names this line.

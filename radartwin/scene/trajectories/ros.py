@@ -22,12 +22,10 @@ def read_bag(path: str | Path, topic: str | None = None) -> Track:
     """Read the timed poses of a body in a ROS bag.
 
     Args:
-        topic: name of a topic with Odometry or PoseStamped messages, or /tf for transforms; None if the bag has a single such topic.
-        frame: only for transforms, the coordinate frame whose poses are read. The poses are relative to the root of the transform tree
-            (map, odom, world), or to the frame PARENT if `frame` is "CHILD@PARENT".
+        topic: name of a topic with Odometry or PoseStamped messages; None if the bag has a single such topic.
     Raises:
         BackendError: rosbags is not installed.
-        PoseError: the file is not a ROS bag, the topic or frame is unknown (the message lists the existing names), or a pose is invalid.
+        PoseError: the file is not a ROS bag, the topic is unknown (the message lists the existing names), or a pose is invalid.
     """
     try:
         from rosbags.highlevel import AnyReader
