@@ -59,7 +59,7 @@ def framed(
         if not isinstance(metrics, Mapping):
             return metrics(rows)
         kept = [(name, row) for name, has in metrics.items() for row in rows if all(row.get(key) == value for key, value in has.items())]
-        return {name.format_map(row): row["value"] for name, row in kept}
+        return {name.format_map(row).replace(" ", "_"): row["value"] for name, row in kept}
 
     def score(config: Config, frame: Frame, *more: Any) -> Result:
         rows = table_rows(config, frame, lambda part: cells(at_draw(config, part), *more, part), exact)

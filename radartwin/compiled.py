@@ -2,7 +2,7 @@
 
 Numba caches the machine code in the folder of the source file. If the folder of the source file is read-only, Numba caches the machine code
 in the user's cache folder. If both folders are read-only, the machine code stays in memory only. While a process compiles a function, other
-processes that need the function wait and then read it from the cache. The others wait for a lock file next to the machine code.
+processes that need the function wait for a lock file next to the machine code, and then read it from the cache.
 
 Machine code contains the functions that it calls and the constants that it reads, also those of other files. Numba compiles a function
 again if the function's own file changes. With this module, Numba also compiles the function again if a file changes that the function's

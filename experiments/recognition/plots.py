@@ -28,7 +28,7 @@ def grouped(
 
 def values(groups: Mapping[str, Mapping[str, Row]], prefix: str = "accuracy") -> dict[str, float]:
     """Return the values of rows by names that start with a prefix, for the metrics of a result."""
-    names = {(group, bar): re.sub(r"[^\w.]+", "_", f"{prefix}_{group}_{bar}") for group, of in groups.items() for bar in of}
+    names = {(group, bar): re.sub(r"[^\w.]+", "_", f"{prefix}_{group}_{bar}").strip("_") for group, of in groups.items() for bar in of}
     return {name: float(groups[group][bar]["value"]) for (group, bar), name in names.items()}
 
 

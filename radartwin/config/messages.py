@@ -30,7 +30,6 @@ GONE = {  # keys and options of version 1.0 that are no longer known, and what t
 }
 METRICS = {  # experiment: metrics of version 1.0 (patterns) and values of its column `metric` that are no longer known, and what to write
     "contrastive": {r"(geometry|material)_(object|recording)": r"write accuracy_\1_other_\2s_embeddings"},
-    "corner_reflector_calibration": {"residual_db_filled_plastic": "write 'residual_db_filled plastic'"},
     "encoder_comparison": {
         "accuracy_two-layer_network": "write accuracy_no_labels_two_layer_network_texts_of_looks",
         "accuracy_two-layer_network_radar_texts": "write accuracy_no_labels_two_layer_network",
@@ -50,7 +49,7 @@ METRICS = {  # experiment: metrics of version 1.0 (patterns) and values of its c
         r"(object|shape)_(.+)": r"write accuracy_\1_\2",
         "share of the unequal answers": "read the rows with the metric 'share of the unequal objects'",
     },
-    "simulation_parts": {r"(accuracy_.+)_RF-Genesis_corrected": r"write \1_RF_Genesis_corrected_"},
+    "simulation_parts": {r"(accuracy_.+)_RF-Genesis_corrected": r"write \1_RF_Genesis_corrected"},
     "turntable_label_free": {r"accuracy_(geometry|identity|material)": r"write accuracy_\1_encoder_on_ranks"},
     "validation": {"cases_fails": "write cases_misses", "cases_untestable": "write cases_absent"},
 }  # fmt: skip

@@ -70,6 +70,7 @@ _MAGIC, _JSON, _BINARY = 0x46546C67, 0x4E4F534A, 0x004E4942
 MOST_WORDS = 40  # in the name of a picture with its options
 FLAT = 1e-6  # largest |sine| of the angle at a corner in a straight line
 _POLYGON = re.compile(r"^f(?:[ \t]+\S+){4}|^f\s[^\n]*-", re.MULTILINE)  # a face of an .obj with four corners, or counted backwards
+
 logging.getLogger("trimesh").addHandler(logging.NullHandler())  # this module reports what trimesh would only log
 
 

@@ -89,7 +89,6 @@ LITERAL = {(experiment, old): new for experiment, of in METRICS.items() for old,
 PRESENT = {  # experiment, metric of version 1.0: what to write, or columns of the row with its value (upper case: names in the module)
     ("contrastive", "geometry_object"):
         {"attribute": "geometry", "left out": "object", "method": "EMBEDDED", "metric": "balanced accuracy"},
-    ("corner_reflector_calibration", "residual_db_filled_plastic"): {"materials": "FILLED", "metric": "ERROR", "method": "AFTER"},
     ("encoder_comparison", "accuracy_two-layer_network"): {"method": "OF_LOOKS", "labels per class": 0},
     ("encoder_comparison", "accuracy_two-layer_network_radar_texts"): {"method": "NETWORK", "labels per class": 0},
     ("encoder_comparison", "accuracy_boosted_trees"): {"method": "TREES", "labels per class": 0},
