@@ -118,9 +118,12 @@ def test_what_the_archive_installs_runs_and_passes_its_tests(version: str, tmp_p
     with tarfile.open(sdist) as archive:
         archive.extractall(tmp_path / "archive", filter="data")
     (unpacked,) = (tmp_path / "archive").iterdir()
+    (tmp_path / "study").mkdir()
+    (tmp_path / "study" / "experiments").symlink_to(unpacked / "experiments")  # oracles of the tests, which the wheel does not have
 
     def call(*command: str | Path, cwd: Path = tmp_path / "work") -> str:
-        clean = {"PATH": os.pathsep.join((str(place / "bin"), os.environ["PATH"])), "HOME": os.environ["HOME"]}
+        path = os.pathsep.join((str(place / "bin"), os.environ["PATH"]))
+        clean = {"PATH": path, "HOME": os.environ["HOME"], "PYTHONPATH": str(tmp_path / "study")}
         done = subprocess.run(command, cwd=cwd, env=clean, capture_output=True, text=True, timeout=1800, check=False)
         assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
         return done.stdout
