@@ -263,6 +263,25 @@ def test_box_on_the_floor_is_a_corner_reflector(height):
     assert levels[1:] == pytest.approx([levels[1]] * 3, abs=0.05)
 
 
+@pytest.mark.parametrize("edge", [1.6, 1.75, 1.85])
+def test_box_behind_the_edge_of_a_table_is_lit_in_part(edge):
+    """The table lights only the lowest 1 to 12 cm of a box whose front is 30 to 5 cm behind its edge, so that the field of the mirror image
+    is not smooth over the box.
+
+    The reference is the box as a part of the room. Quadrature of physical optics with the half-plane factor of the table differs from the
+    reference by at most 0.07, and from the object by at most 0.08. When five points across the object carried the field, the error was 0.23
+    to 0.62.
+    """
+    table = rt.Surface(rooms.rectangle([edge, -2, 0], np.eye(3)[0], np.eye(3)[1], (3, 4)), "metal", "table", role="room")
+    box = rt.Surface(objects.box((-0.1, -0.1, 0), (0.1, 0.1, 0.3)), "metal", "box", role="object")
+    box = box.moved(traced.pose([2.0, 0, 0]))
+    pose = at([0, 0, 0.5], Rotation.from_euler("y", np.arctan2(0.35, 2.0)).as_matrix())
+    scenes = [rt.Scene([table]), *(rt.Scene([table, box.replaced(role=role)]) for role in ("object", "room"))]
+    alone, *both = (np.hanning(RADAR.num_samples) * traced.sweep(backend().paths(scene, RADAR, pose, None), RADAR) for scene in scenes)
+    ours, reference = (np.fft.fft(signal - alone)[37:66] for signal in both)  # 1.6 to 2.9 m
+    assert np.linalg.norm(ours - reference) < 0.1 * np.linalg.norm(reference)
+
+
 def mirror_facing(centre, towards, thickness, size=0.3):
     """Return a square metal plate at `centre` whose face points towards `towards`."""
     plate = objects.box((-thickness, -size / 2, -size / 2), (0.0, size / 2, size / 2))

@@ -54,6 +54,7 @@ BISTATIC = 4.0  # assumed largest ratio of an object's bistatic to its monostati
 def group_paths(
     settings: TraceSettings, group: Target, room: FlatRoom | None, radar: Radar, sensor_poses: np.ndarray, object_poses: np.ndarray, *,
     least: np.ndarray | None = None, ball: tuple[np.ndarray, float] | None = None, prune: float = PRUNE, direct: bool = True,
+    sharp_only: bool = False,
 ) -> list[Paths]:  # fmt: skip
     """Return the direct paths of an object, and its paths with the room.
 
@@ -66,8 +67,9 @@ def group_paths(
         ball: centre (3,) and radius in metres of a ball that contains the object in every frame. Legs are searched for the ball and cached.
         prune: paths whose amplitude is below this times the strongest path of their pose are dropped.
         direct: whether to return the direct paths. If False, they only give the level relative to which the other paths are pruned.
+        sharp_only: whether to trace only the pairs with a sharp leg, by ray tubes also if all faces of the object are flat.
     """
-    body, frames, density = polygons.of(*group), len(sensor_poses), settings.coupled_rays_per_wavelength2
+    body, frames, density = None if sharp_only else polygons.of(*group), len(sensor_poses), settings.coupled_rays_per_wavelength2
     group = group if body is None else Target(group.geometry, polygons.with_nodes(group.table, radar))
     source = (poses_module.inverse(object_poses[:1]) @ sensor_poses[:1])[:, :3, 3]
     cell_m = tube_paths.cell_m(group.geometry, settings, source, radar, room is None)
@@ -78,8 +80,8 @@ def group_paths(
     free = Legs.of_free_space(1, group.table.frequencies_hz)
     alone = _Pairs.of(free, np.arange(frames), np.zeros((3, frames), int), sensor_poses, object_poses, radar)
     estimated = not direct and least is None
-    close = np.zeros(frames, bool) if body is not None else alone.near(group)
-    seen = np.flatnonzero(~close | direct)  # a pose that is too close for paths over the room needs no level
+    close = alone.near(group)
+    seen = np.flatnonzero(~close | direct | (body is not None))  # a pose that is too close for paths over the room needs no level
     hits = _traced(
         group, body, alone.where(seen), direct_cell_m, settings.max_bounces, None, STRONGEST if estimated else max(TRACED, EARLY * prune)
     )
@@ -93,8 +95,14 @@ def group_paths(
     coupled = room is not None and settings.coupling and bool(room.usable.any()) and bool((share < 1).any())
     legs, place = _legs(room, group, sensor_poses, object_poses, ball, settings.max_bounces - 1 if coupled else 0, float(share.min()))
     pairs = _Pairs.of(legs, *_strong_pairs(legs, place, settings.max_bounces, share), sensor_poses, object_poses, radar)
+    sharp: list[Paths] = []
+    far = ~(close[pairs.frame] | pairs.near(group))
     if body is None:
-        pairs = pairs.where(~(close[pairs.frame] | pairs.near(group)))
+        pairs = pairs.where(far & (pairs.sharp | (not sharp_only)))
+    elif (far & pairs.sharp).any():  # the integrals along the sides of a polygon assume that the field is smooth over it
+        pairs = pairs.where(~(far & pairs.sharp))
+        more = {"least": least, "ball": ball, "prune": prune, "direct": False, "sharp_only": True}
+        sharp = group_paths(settings, group, room, radar, sensor_poses, object_poses, **more)[1:]
 
     # 3. Trace: a path counts if its field is not too weak beside the strongest one of its pose.
     straight = replace(alone, legs=legs, place=place)
@@ -131,7 +139,7 @@ def group_paths(
     for first, cross, mask in zip(firsts, crosses, strong_masks(parts, radar, prune), strict=True):
         keep = np.flatnonzero(mask)
         kept.append(_both_ways(parts.pop(0).where(keep), first[keep], cross[keep]))
-    over = [part for both in kept[1:] for part in both]
+    over = [*sharp, *(part for both in kept[1:] for part in both)]
     return [Paths.concatenate(kept[0]), Paths.concatenate(over or [kept[0][0].where(slice(0))])]
 
 
@@ -290,6 +298,12 @@ class _Pairs:
     def strength(self) -> np.ndarray:
         """Return the largest ratio (N,) of the pair's field to that of two undisturbed direct legs."""
         return self.legs.share[self.place, self.out_leg] * self.legs.share[self.place, self.back_leg]
+
+    @cached_property
+    def sharp(self) -> np.ndarray:
+        """Return a mask (N,) of the pairs with a leg over faces whose field is sharp."""
+        ends = [self.legs.sharp[self.place, leg] & (leg != DIRECT) for leg in (self.out_leg, self.back_leg)]
+        return ends[0] | ends[1]
 
     def near(self, group: Target) -> np.ndarray:
         """Return a mask (N,) of the pairs whose first mirror image is too close to the object for a planar grid of tubes."""

@@ -4,17 +4,19 @@ The field of a leg is that of the sensor's image, times a factor for each mirror
 that of an opening with the outline of the mirror (`kirchhoff`). The factor of a part of the line is the shadow factor of the bodies beside
 it (`shadows`). Sequences of faces with the same image of the sensor form one leg, because the sum of their fields is smooth although each
 field is not. For example, the two orders of reflection at two walls that meet form one leg. A leg is evaluated at the corners of a cube
-around the object, and on a finer grid where the field is not linear between the corners.
+around the object, and on a finer grid where the field is not linear between the corners. Where it is not linear even on the finer grid,
+as behind the edge of a table top, the field is *sharp*. A sharp field around a small object is evaluated on a grid of SHARP_M, beside the
+points that need it.
 """
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from radartwin.compiled import compiled, each, fixed, innermost, shared_out
-from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.field import NUDGE, Walls, contains, image, images_of, polarised, travelled
 from radartwin.simulation.flat.kirchhoff import REACH, edge_part
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Vector
@@ -31,6 +33,11 @@ SEEN = 8  # largest number of places of a cell between which and the faces visib
 LINEAR = 0.03  # a finer grid is used if the field at the object's centre deviates more than this from the mean of the cube's corners
 COARSE = 0.02  # the same limit relative to the undisturbed direct field; the larger limit applies
 GRID_M = 0.05  # spacing of the finer grid
+SHARP_M = 0.0075  # smallest spacing of the grid of a sharp field, which has at most MOST cells along each side
+MOST = 64
+# Radius of the largest ball whose fields can be sharp. With no limit, a recording in the laboratory takes 140 instead of 60 s of processor
+# time, because its furniture gets such grids, and its flat faces get ray tubes.
+SHARP_BALL_M = 0.31
 BESIDE_M = 0.25  # a leg whose mirror point is farther than this from its face has no field
 ABOVE_M = 1e-4  # a leg's field is evaluated at least this far above the last face
 ROUNDED = 0.3  # the centre of the ball about an object may lie this far from the object's own centre, relative to the ball's radius
@@ -49,6 +56,8 @@ class Legs:
         frequencies_hz: (Q,). carried: {(place, leg): (n, n, n, Q) complex field} on a grid over the cube, along the projected axis of the
             image, relative to the field of an undisturbed line from the image, for exp(+j k L).
         share: (U, G) largest ratio of a leg's field to the undisturbed direct field, both divided by path length.
+        sharp: (U, G) whether a leg's field is sharp.
+        exact: function that returns the fields (N, Q) of a place and a sharp leg at points (N, 3).
     """
 
     order: np.ndarray
@@ -59,33 +68,64 @@ class Legs:
     frequencies_hz: np.ndarray
     carried: Mapping[tuple[int, int], np.ndarray]
     share: np.ndarray
+    sharp: np.ndarray
+    exact: Callable[[int, int, np.ndarray], np.ndarray] | None = None
 
     @staticmethod
     def of_free_space(places: int, frequencies_hz: np.ndarray) -> "Legs":
         """Return undisturbed direct legs for a number of places."""
         ones = np.ones((2, 2, 2, len(frequencies_hz)), complex)
         carried = {(u, DIRECT): ones for u in range(places)}
-        zero = np.zeros((places, 3))
-        return Legs(np.zeros(1, int), np.eye(3)[None], np.zeros((1, 3)), zero, 1.0, frequencies_hz, carried, np.ones((places, 1)))
+        zero, whole = np.zeros((places, 3)), np.ones((places, 1))
+        return Legs(np.zeros(1, int), np.eye(3)[None], np.zeros((1, 3)), zero, 1.0, frequencies_hz, carried, whole, whole < 1)
 
     @cached_property
     def disturbed(self) -> bool:
         """Return whether a direct leg differs from an undisturbed line."""
         return any(np.abs(values - 1).max() > UNDISTURBED for (_, leg), values in self.carried.items() if leg == DIRECT)
 
+    @cached_property
+    def _filled(self) -> dict[int, np.ndarray]:
+        """Return the grids (n, n, n, Q) of sharp fields, nan where not evaluated, by place * G + leg. It is empty if U is not 1."""
+        return {}
+
     def weigh(self, amplitude: np.ndarray, place: np.ndarray, leg: np.ndarray, point: np.ndarray) -> None:
         """Multiply amplitudes (N, Q) in place by the fields of legs (N,) at points (N, 3) in the world."""
-        code = place * len(self.order) + leg
-        codes = np.flatnonzero(np.bincount(code))
-        number = np.zeros(codes[-1] + 1 if len(codes) else 0, int)
-        number[codes] = np.arange(len(codes))
-        fields = [self.carried.get(divmod(int(key), len(self.order))) for key in codes]
-        side = np.array([0 if field is None else len(field) for field in fields], int)
-        first = np.cumsum([0, *side[:-1] ** 3])
-        values = np.concatenate([np.zeros((0, amplitude.shape[1])), *(f.reshape(-1, f.shape[3]) for f in fields if f is not None)])
-        grids = fixed(values.astype(complex, copy=False).view(float)), first, side, number[code], self.low, self.size
-        arguments = *grids, place, np.ascontiguousarray(point)
-        shared_out(_weigh, len(amplitude), *arguments, amplitude, grain=1000)
+        code, sharp = place * len(self.order) + leg, self.sharp[place, leg]
+        groups = [np.flatnonzero(~sharp), *(np.flatnonzero(code == key) for key in np.unique(code[sharp]))]
+        for rows in groups:
+            codes = np.flatnonzero(np.bincount(code[rows]))
+            number = np.zeros(codes[-1] + 1 if len(codes) else 0, int)
+            number[codes] = np.arange(len(codes))
+            fields = [self._field(int(key), point[rows]) for key in codes]
+            side = np.array([0 if field is None else len(field) for field in fields], int)
+            first = np.cumsum([0, *side[:-1] ** 3])
+            values = np.concatenate([np.zeros((0, amplitude.shape[1])), *(f.reshape(-1, f.shape[3]) for f in fields if f is not None)])
+            grids = fixed(values.astype(complex, copy=False).view(float)), first, side, number[code[rows]], self.low, self.size
+            part = amplitude if len(rows) == len(amplitude) else amplitude[rows]
+            shared_out(_weigh, len(rows), *grids, place[rows], np.ascontiguousarray(point[rows]), part, grain=1000)
+            if part is not amplitude:
+                amplitude[rows] = part
+
+    def _field(self, code: int, points: np.ndarray) -> np.ndarray | None:
+        """Return the field (n, n, n, Q) of a leg on a grid over the cube, valid beside the points (N, 3) if the field is sharp."""
+        place, leg = divmod(code, len(self.order))
+        if not self.sharp[place, leg]:
+            return self.carried.get((place, leg))
+        assert self.exact is not None
+        side = int(np.clip(np.ceil(self.size / SHARP_M), 4, MOST)) + 1
+        field = self._filled.get(code)
+        if field is None:
+            field = np.full((side, side, side, len(self.frequencies_hz)), np.nan + 0j)
+            if len(self.low) == 1:
+                self._filled[code] = field
+        cell = np.minimum((np.clip((points - self.low[place]) / self.size, 0, 1) * (side - 1)).astype(int), side - 2)
+        near = np.zeros(field.shape[:3], bool)
+        for corner in np.ndindex(2, 2, 2):
+            near[tuple((cell + corner).T)] = True
+        node = np.nonzero(near & np.isnan(field[..., 0]))
+        field[node] = self.exact(place, leg, self.low[place] + np.stack(node, axis=1) * (self.size / (side - 1)))
+        return field
 
 
 @compiled
@@ -187,13 +227,38 @@ def find(
         limit = np.maximum(LINEAR * middle, COARSE * length[kept] / direct[u[kept]])
         bent = np.abs(total[:, 1:].mean(axis=1) - total[:, 0]).max(axis=1, initial=0) > limit
         bent |= np.abs(total[:, 1:] - total[:, :1]).max(axis=(1, 2), initial=0) > np.maximum(middle, limit)
+        if side > 2:
+            limit = np.maximum(limit, least * length[kept] / direct[u[kept]])  # as weak as legs that are dropped
+            bent = _bend(total[:, 1:].reshape(len(kept), side, side, side, value.shape[1])) > limit
         wanted[:] = False
         wanted[kept[strong & bent]] = True
+    wanted &= radius <= SHARP_BALL_M
+    sharp = np.zeros((len(places), len(first)), bool)
+    sharp[u[wanted], g[wanted]] = True
+    members = {(int(u[n]), int(g[n])): which[code == n] for n in np.flatnonzero(wanted)}
+
+    def exact(at: int, leg: int, points: np.ndarray) -> np.ndarray:
+        points = points.copy()
+        _lift(room.walls, room.usable, *(np.ascontiguousarray(ends[at : at + 1]) for ends in (sensor, centre)), radius, points)
+        places = np.full(len(points), at)
+        return sum(room_fields(room, chains, np.full(len(points), n), sensor, axes, places, points) for n in members[at, leg]) @ basis
+
     share = np.zeros((len(places), len(first)))
     for (i, leg), values in carried.items():
         at = mirror[leg] @ sensor[i] + shift[leg]
         share[i, leg] = np.abs(values).max() * direct[i] / max(float(np.linalg.norm(centre[i] - at)) - radius * (leg != DIRECT), radius)
-    return Legs(order_of, mirror, shift, centre - radius, 2 * radius, nodes, carried, share)
+    return Legs(order_of, mirror, shift, centre - radius, 2 * radius, nodes, carried, share, sharp, exact)
+
+
+def _bend(field: np.ndarray) -> np.ndarray:
+    """Return how much fields (G, n, n, n, Q) on grids differ from linear interpolation: the root mean square over the grid along the axis
+    on which it is largest.
+    """
+    out = np.zeros(len(field))
+    for axis in (1, 2, 3):
+        bend = np.diff(field, 2, axis) / 2
+        out = np.maximum(out, np.sqrt((np.abs(bend) ** 2).mean(axis=(1, 2, 3)).max(axis=1, initial=0)))
+    return out
 
 
 def found_once(room: FlatRoom, places: np.ndarray, axes: np.ndarray, radius: float, frequencies_hz: np.ndarray, *how: float) -> Legs:
@@ -240,8 +305,13 @@ def _near_mirrors(walls: Walls, chains: np.ndarray, sensor: np.ndarray, centre: 
             p, behind = chains[k, i], vector(images, i)
             above = dot(target, faces.normal[p]) - faces.offset[p]
             below = dot(behind, faces.normal[p]) - faces.offset[p]
+            # the mirror point of the lowest point of the ball, which lies nearer to the ball than that of its centre
+            lowest = max(abs(above) - radius, 0.0) if i == m - 1 else abs(above)
+            foot = moved(target, vector(faces.normal, p), math.copysign(lowest, above) - above)
+            under = moved(behind, toward(behind, foot, 1.0), abs(below) / max(abs(below) + lowest, 1e-9))
             target = moved(behind, toward(behind, target, 1.0), abs(below) / max(abs(below) + abs(above), 1e-9))
-            if (above * below >= 0 and abs(above) > radius) or distance(target, walls.centre[p]) > walls.radius[p] + radius + BESIDE_M:
+            reach = walls.radius[p] + radius + BESIDE_M + distance(target, under)
+            if (above * below >= 0 and abs(above) > radius) or distance(target, walls.centre[p]) > reach:
                 out[k] = False
 
 
@@ -343,7 +413,7 @@ def _lines(
             at = moved(images[i + 1], toward(images[i + 1], target, 1.0), below / (below - above))
             put(met, i + 1, at)
             inside = 1.0 if contains(faces, p, at, 0.0) else 0.0
-            total *= _mirror(faces, borders, p, at, inside, vector(images, i + 1), back, wavenumber)
+            total *= _mirror(borders, p, at, inside, vector(images, i + 1), back, wavenumber)
             if abs(total) < MIRRORED:
                 total = 0j
                 break
@@ -379,17 +449,14 @@ def _lines(
 
 
 @innermost
-def _mirror(
-    faces: Faces, borders: tuple, p: int, at: Vector, inside: float, source: Vector, receiver: Vector, wavenumber: float
-) -> complex:
+def _mirror(borders: tuple, p: int, at: Vector, inside: float, source: Vector, receiver: Vector, wavenumber: float) -> complex:
     """Return the factor of face `p` as a mirror for exp(+j k L). `at` is the point of reflection, `source` the image behind the face."""
-    first, edge, into, sector = borders
+    first, starts, along, length, into, sector = borders
     total = complex(inside, 0.0)
     for i in range(first[p], first[p + 1]):
-        e = edge[i]
-        start = vector(faces.start, e)
+        start = vector(starts, i)
         if dot(toward(start, source, 1.0), vector(sector, i)) > 0:
             continue  # the face is lit on the side that is outside the open sector of this edge
-        part, _ = edge_part(start, vector(faces.along, e), faces.length[e], source, receiver, wavenumber, 4 * REACH)
+        part, _ = edge_part(start, vector(along, i), length[i], source, receiver, wavenumber, 4 * REACH)
         total -= part if dot(toward(start, at, 1.0), vector(into, i)) >= 0 else -part
     return total

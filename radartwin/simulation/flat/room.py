@@ -128,22 +128,34 @@ class FlatRoom:
         return np.maximum.accumulate(largest[:, ::-1], axis=1)[:, ::-1][self.faces.surface]
 
     @cached_property
-    def borders(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return the edges of the faces: the range (P + 1,) of each face in this list, the edges (B,), and two directions (B, 3), (B, 3)
-        for each.
+    def borders(self) -> tuple[np.ndarray, ...]:
+        """Return the borders of the faces: the range (P + 1,) of each face in this list, the starts (B, 3), unit directions (B, 3) and
+        lengths (B,) of the line pieces, and two directions (B, 3), (B, 3) for each.
 
         The first direction points into the face. The second one points from the face into the open sector of the edge, and is zero for a
-        free edge, whose sector is on both sides.
+        free edge, whose sector is on both sides. A face without wedges, such as that of a thin plate whose narrow sides are no faces, has
+        the free edges of its convex hull.
         """
         faces, angle = self.faces, np.pi * self.faces.opening[:, None]
         other = np.cos(angle) * faces.into + np.sin(angle) * faces.up
         two = faces.sides[:, 0] != faces.sides[:, 1]
-        owner = np.concatenate([faces.sides[:, 0], faces.sides[two, 1]])
-        order = np.argsort(owner, kind="stable")
-        edge = np.concatenate([np.arange(len(two)), np.flatnonzero(two)])[order]
-        into = np.concatenate([faces.into, other[two]])[order]
-        side = np.concatenate([two[:, None] * faces.up, (np.sin(angle) * faces.into - np.cos(angle) * faces.up)[two]])[order]
-        return np.searchsorted(owner[order], np.arange(len(faces.offset) + 1)), edge, np.ascontiguousarray(into), np.ascontiguousarray(side)
+        edge = np.concatenate([np.arange(len(two)), np.flatnonzero(two)])
+        into = [faces.into, other[two]]
+        side = [two[:, None] * faces.up, (np.sin(angle) * faces.into - np.cos(angle) * faces.up)[two]]
+        owner, lines = [faces.sides[:, 0], faces.sides[two, 1]], [np.column_stack([faces.start, faces.along, faces.length])[edge]]
+        for p in np.setdiff1d(np.arange(len(faces.offset)), faces.sides):
+            ring = faces.outline[p, : faces.corners[p]]
+            along = np.roll(ring, -1, axis=0) - ring
+            length = np.linalg.norm(along, axis=1, keepdims=True)
+            along /= length
+            owner.append(np.full(len(ring), p))
+            lines.append(np.concatenate([ring, along, length], axis=1))
+            into.append(np.cross(faces.normal[p], along))
+            side.append(np.zeros((len(ring), 3)))
+        order = np.argsort(np.concatenate(owner), kind="stable")
+        first = np.searchsorted(np.concatenate(owner)[order], np.arange(len(faces.offset) + 1))
+        line, into, side = (np.concatenate(rows)[order] for rows in (lines, into, side))
+        return first, *(np.ascontiguousarray(rows) for rows in (line[:, :3], line[:, 3:6], line[:, 6], into, side))
 
     @cached_property
     def balls(self) -> tuple[np.ndarray, np.ndarray]:

@@ -29,7 +29,7 @@ from radartwin.simulation.flat.vectors import ZERO, cross, distance, dot, moved,
 WAVES = 0.3
 SEEN = 0.02  # weaker edge waves are added without a test whether their edge is visible, and continue along the path's own lines
 BEYOND_M = 0.05  # edges beside a line count up to this far beyond its mirrors, because the edges of a body and its image cancel there
-IN_PLANE_M = 1e-4  # an edge within this distance of a mirror's plane lies in the plane
+IN_PLANE_M = 1e-4  # an edge at most this far in front of a mirror's plane lies in the plane
 
 
 class Line(NamedTuple):
@@ -80,21 +80,24 @@ def near(centre: Point, radius: float, line: Line, wavenumber: float, reach: flo
 
 
 @innermost
-def _lies_in(a: Vector, b: Vector, point: Vector, normal: Vector) -> bool:
-    """Return whether an edge from a to b lies in the plane of a mirror with a point and a normal; False for a normal of zero."""
-    height = dot(point, normal)
-    return dot(normal, normal) > 0 and abs(dot(a, normal) - height) < IN_PLANE_M and abs(dot(b, normal) - height) < IN_PLANE_M
+def _lies_behind(a: Vector, b: Vector, point: Vector, normal: Vector, way: Vector) -> bool:
+    """Return whether an edge from a to b lies in or behind the plane of a mirror with a point and a normal, from which the direction `way`
+    leads in front of the mirror; False for a normal of zero.
+    """
+    height, side = dot(point, normal), 1.0 if dot(way, normal) > 0 else -1.0
+    return dot(normal, normal) > 0 and max(side * (dot(a, normal) - height), side * (dot(b, normal) - height)) < IN_PLANE_M
 
 
 @innermost
 def _wave(a: Vector, along: Vector, size: float, line: Line, wavenumber: float, reach: float) -> tuple[complex, float]:
     """Return the wave of an edge from `a`, positive for exp(+j k L), and the place in metres along the edge at which it starts.
 
-    The wave is 0 if the edge lies in the plane of a mirror of the line, because the body and its image join there without an edge, and if
-    the path has left the line at a mirror.
+    The wave is 0 if the edge lies in the plane of a mirror of the line, because the body and its image join there without an edge, if it
+    lies behind this plane, as the back of the mirror does, and if the path has left the line at a mirror.
     """
     b = moved(a, along, size)
-    if _lies_in(a, b, line.start, line.normal_a) or _lies_in(a, b, line.end, line.normal_b):
+    back = moved(ZERO, line.way, -1.0)
+    if _lies_behind(a, b, line.start, line.normal_a, line.way) or _lies_behind(a, b, line.end, line.normal_b, back):
         return 0j, 0.0
     value, place = edge_part(a, along, size, line.source, line.receiver, wavenumber, reach)
     place = min(max(place, 0.0), size)
