@@ -302,7 +302,7 @@ class _Pairs:
     @cached_property
     def sharp(self) -> np.ndarray:
         """Return a mask (N,) of the pairs with a leg over faces whose field is sharp."""
-        ends = [self.legs.sharp[self.place, leg] & (leg != DIRECT) for leg in (self.out_leg, self.back_leg)]
+        ends = [(self.legs.sharp[self.place, leg] > 0) & (leg != DIRECT) for leg in (self.out_leg, self.back_leg)]
         return ends[0] | ends[1]
 
     def near(self, group: Target) -> np.ndarray:

@@ -33,7 +33,10 @@ SEEN = 8  # largest number of places of a cell between which and the faces visib
 LINEAR = 0.03  # a finer grid is used if the field at the object's centre deviates more than this from the mean of the cube's corners
 COARSE = 0.02  # the same limit relative to the undisturbed direct field; the larger limit applies
 GRID_M = 0.05  # spacing of the finer grid
-SHARP_M = 0.0075  # smallest spacing of the grid of a sharp field, which has at most MOST cells along each side
+# Spacing of the grid of a sharp field that bends by BENT times the undisturbed direct field. The spacing of other sharp fields has the same
+# error: it goes with the inverse of the root of the bend. A grid has at most MOST cells along each side.
+SHARP_M = 0.0075
+BENT = 0.1
 MOST = 64
 # Radius of the largest ball whose fields can be sharp. With no limit, a recording in the laboratory takes 140 instead of 60 s of processor
 # time, because its furniture gets such grids, and its flat faces get ray tubes.
@@ -56,7 +59,7 @@ class Legs:
         frequencies_hz: (Q,). carried: {(place, leg): (n, n, n, Q) complex field} on a grid over the cube, along the projected axis of the
             image, relative to the field of an undisturbed line from the image, for exp(+j k L).
         share: (U, G) largest ratio of a leg's field to the undisturbed direct field, both divided by path length.
-        sharp: (U, G) whether a leg's field is sharp.
+        sharp: (U, G) spacing in metres of the grid of a sharp field, 0 for a field that is not sharp.
         exact: function that returns the fields (N, Q) of a place and a sharp leg at points (N, 3).
     """
 
@@ -77,7 +80,7 @@ class Legs:
         ones = np.ones((2, 2, 2, len(frequencies_hz)), complex)
         carried = {(u, DIRECT): ones for u in range(places)}
         zero, whole = np.zeros((places, 3)), np.ones((places, 1))
-        return Legs(np.zeros(1, int), np.eye(3)[None], np.zeros((1, 3)), zero, 1.0, frequencies_hz, carried, whole, whole < 1)
+        return Legs(np.zeros(1, int), np.eye(3)[None], np.zeros((1, 3)), zero, 1.0, frequencies_hz, carried, whole, 0 * whole)
 
     @cached_property
     def disturbed(self) -> bool:
@@ -91,7 +94,7 @@ class Legs:
 
     def weigh(self, amplitude: np.ndarray, place: np.ndarray, leg: np.ndarray, point: np.ndarray) -> None:
         """Multiply amplitudes (N, Q) in place by the fields of legs (N,) at points (N, 3) in the world."""
-        code, sharp = place * len(self.order) + leg, self.sharp[place, leg]
+        code, sharp = place * len(self.order) + leg, self.sharp[place, leg] > 0
         groups = [np.flatnonzero(~sharp), *(np.flatnonzero(code == key) for key in np.unique(code[sharp]))]
         for rows in groups:
             codes = np.flatnonzero(np.bincount(code[rows]))
@@ -113,7 +116,7 @@ class Legs:
         if not self.sharp[place, leg]:
             return self.carried.get((place, leg))
         assert self.exact is not None
-        side = int(np.clip(np.ceil(self.size / SHARP_M), 4, MOST)) + 1
+        side = int(np.clip(np.ceil(self.size / self.sharp[place, leg]), 4, MOST)) + 1
         field = self._filled.get(code)
         if field is None:
             field = np.full((side, side, side, len(self.frequencies_hz)), np.nan + 0j)
@@ -206,6 +209,7 @@ def find(
     np.maximum.at(bound, code, room.loudness_of(chains)[which])
     wanted = (bound * direct[u] >= EARLY * least * np.maximum(length - radius, 1e-9)) | (g == DIRECT)
     carried: dict[tuple[int, int], np.ndarray] = {}
+    level = np.zeros(len(codes))  # bend of a field, relative to the undisturbed direct field
     fine = int(np.clip(np.ceil(2 * radius / GRID_M), 2, 4)) + 1
     for side in (2, fine):
         steps = np.stack(np.meshgrid(*[np.linspace(-radius, radius, side)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -228,13 +232,14 @@ def find(
         bent = np.abs(total[:, 1:].mean(axis=1) - total[:, 0]).max(axis=1, initial=0) > limit
         bent |= np.abs(total[:, 1:] - total[:, :1]).max(axis=(1, 2), initial=0) > np.maximum(middle, limit)
         if side > 2:
-            limit = np.maximum(limit, least * length[kept] / direct[u[kept]])  # as weak as legs that are dropped
-            bent = _bend(total[:, 1:].reshape(len(kept), side, side, side, value.shape[1])) > limit
+            bend = _bend(total[:, 1:].reshape(len(kept), side, side, side, value.shape[1]))
+            bent = bend > np.maximum(limit, least * length[kept] / direct[u[kept]])  # weaker legs are dropped
+            level[kept] = bend * direct[u[kept]] / length[kept]
         wanted[:] = False
         wanted[kept[strong & bent]] = True
     wanted &= radius <= SHARP_BALL_M
-    sharp = np.zeros((len(places), len(first)), bool)
-    sharp[u[wanted], g[wanted]] = True
+    sharp = np.zeros((len(places), len(first)))
+    sharp[u[wanted], g[wanted]] = SHARP_M * np.sqrt(np.maximum(BENT / level[wanted], 1))
     members = {(int(u[n]), int(g[n])): which[code == n] for n in np.flatnonzero(wanted)}
 
     def exact(at: int, leg: int, points: np.ndarray) -> np.ndarray:
