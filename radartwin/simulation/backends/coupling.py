@@ -80,8 +80,8 @@ def group_paths(
     free = Legs.of_free_space(1, group.table.frequencies_hz)
     alone = _Pairs.of(free, np.arange(frames), np.zeros((3, frames), int), sensor_poses, object_poses, radar)
     estimated = not direct and least is None
-    close = alone.near(group)
-    seen = np.flatnonzero(~close | direct | (body is not None))  # a pose that is too close for paths over the room needs no level
+    close = np.zeros(frames, bool) if body is not None else alone.near(group)
+    seen = np.flatnonzero(~close | direct)  # a pose that is too close for paths over the room needs no level
     hits = _traced(
         group, body, alone.where(seen), direct_cell_m, settings.max_bounces, None, STRONGEST if estimated else max(TRACED, EARLY * prune)
     )
@@ -96,11 +96,10 @@ def group_paths(
     legs, place = _legs(room, group, sensor_poses, object_poses, ball, settings.max_bounces - 1 if coupled else 0, float(share.min()))
     pairs = _Pairs.of(legs, *_strong_pairs(legs, place, settings.max_bounces, share), sensor_poses, object_poses, radar)
     sharp: list[Paths] = []
-    far = ~(close[pairs.frame] | pairs.near(group))
     if body is None:
-        pairs = pairs.where(far & (pairs.sharp | (not sharp_only)))
-    elif (far & pairs.sharp).any():  # the integrals along the sides of a polygon assume that the field is smooth over it
-        pairs = pairs.where(~(far & pairs.sharp))
+        pairs = pairs.where(~(close[pairs.frame] | pairs.near(group)) & (pairs.sharp | (not sharp_only)))
+    elif pairs.sharp.any():  # the integrals along the sides of a polygon assume that the field is smooth over it
+        pairs = pairs.where(~pairs.sharp | alone.near(group)[pairs.frame] | pairs.near(group))
         more = {"least": least, "ball": ball, "prune": prune, "direct": False, "sharp_only": True}
         sharp = group_paths(settings, group, room, radar, sensor_poses, object_poses, **more)[1:]
 

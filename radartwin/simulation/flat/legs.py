@@ -95,7 +95,9 @@ class Legs:
     def weigh(self, amplitude: np.ndarray, place: np.ndarray, leg: np.ndarray, point: np.ndarray) -> None:
         """Multiply amplitudes (N, Q) in place by the fields of legs (N,) at points (N, 3) in the world."""
         code, sharp = place * len(self.order) + leg, self.sharp[place, leg] > 0
-        groups = [np.flatnonzero(~sharp), *(np.flatnonzero(code == key) for key in np.unique(code[sharp]))]
+        groups: list[slice | np.ndarray] = [slice(None)]
+        if sharp.any():
+            groups = [np.flatnonzero(~sharp), *(np.flatnonzero(code == key) for key in np.unique(code[sharp]))]
         for rows in groups:
             codes = np.flatnonzero(np.bincount(code[rows]))
             number = np.zeros(codes[-1] + 1 if len(codes) else 0, int)
@@ -105,9 +107,9 @@ class Legs:
             first = np.cumsum([0, *side[:-1] ** 3])
             values = np.concatenate([np.zeros((0, amplitude.shape[1])), *(f.reshape(-1, f.shape[3]) for f in fields if f is not None)])
             grids = fixed(values.astype(complex, copy=False).view(float)), first, side, number[code[rows]], self.low, self.size
-            part = amplitude if len(rows) == len(amplitude) else amplitude[rows]
-            shared_out(_weigh, len(rows), *grids, place[rows], np.ascontiguousarray(point[rows]), part, grain=1000)
-            if part is not amplitude:
+            part = amplitude[rows]
+            shared_out(_weigh, len(part), *grids, place[rows], np.ascontiguousarray(point[rows]), part, grain=1000)
+            if len(groups) > 1:  # `part` is a copy
                 amplitude[rows] = part
 
     def _field(self, code: int, points: np.ndarray) -> np.ndarray | None:

@@ -133,8 +133,8 @@ class FlatRoom:
         lengths (B,) of the line pieces, and two directions (B, 3), (B, 3) for each.
 
         The first direction points into the face. The second one points from the face into the open sector of the edge, and is zero for a
-        free edge, whose sector is on both sides. A face without wedges, such as that of a thin plate whose narrow sides are no faces, has
-        the free edges of its convex hull.
+        free edge, whose sector is on both sides. The outline of a face without wedges, such as that of a thin plate whose narrow sides are
+        no faces, consists of free edges.
         """
         faces, angle = self.faces, np.pi * self.faces.opening[:, None]
         other = np.cos(angle) * faces.into + np.sin(angle) * faces.up
@@ -144,14 +144,16 @@ class FlatRoom:
         side = [two[:, None] * faces.up, (np.sin(angle) * faces.into - np.cos(angle) * faces.up)[two]]
         owner, lines = [faces.sides[:, 0], faces.sides[two, 1]], [np.column_stack([faces.start, faces.along, faces.length])[edge]]
         for p in np.setdiff1d(np.arange(len(faces.offset)), faces.sides):
-            ring = faces.outline[p, : faces.corners[p]]
-            along = np.roll(ring, -1, axis=0) - ring
+            start = faces.triangle[faces.first[p] : faces.first[p + 1]]
+            along = np.roll(start, -1, axis=1) - start
+            start, along = start.reshape(-1, 3), along.reshape(-1, 3)
+            _, one, count = np.unique(np.round(2 * start + along, 6), axis=0, return_index=True, return_counts=True)  # two triangles share
+            start, along = start[one[count == 1]], along[one[count == 1]]  # the sides that are no borders
             length = np.linalg.norm(along, axis=1, keepdims=True)
-            along /= length
-            owner.append(np.full(len(ring), p))
-            lines.append(np.concatenate([ring, along, length], axis=1))
-            into.append(np.cross(faces.normal[p], along))
-            side.append(np.zeros((len(ring), 3)))
+            owner.append(np.full(len(start), p))
+            lines.append(np.concatenate([start, along / length, length], axis=1))
+            into.append(np.cross(faces.normal[p], along / length))
+            side.append(np.zeros((len(start), 3)))
         order = np.argsort(np.concatenate(owner), kind="stable")
         first = np.searchsorted(np.concatenate(owner)[order], np.arange(len(faces.offset) + 1))
         line, into, side = (np.concatenate(rows)[order] for rows in (lines, into, side))
