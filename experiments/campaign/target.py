@@ -21,6 +21,7 @@ def seen(
     apart: Sequence[Surface],
     aside: np.ndarray | None = None,
     shadow: bool = True,
+    coupled: bool = True,
 ) -> list[Paths]:
     """Return the propagation paths of target, stand and other objects for all frames, or for one frame if nothing moves.
 
@@ -34,19 +35,20 @@ def seen(
         apart: other objects at rest (posts, motors, cables); paths of these objects that also reflect at faces of the room are ignored.
         aside: (3,) offset in metres of the target's true position from its logged position, for a moving radar.
         shadow: whether to include the shadow of the target on the paths of the room. For a moving radar, this shadow is always included.
+        coupled: for a radar at rest, whether to include the paths between the target and the room.
     """  # fmt: skip
     parts: list[Paths] = []
     if len(sensor) > 1:
         together = [*disc, *(s.moved(poses[0]) for s in target)]
-        for surfaces, coupled in ((together, True), *(([surface], False) for surface in apart)):
-            share = coupled and len(sensor) >= FEW
-            parts += drives.moving(surfaces, sensor, np.eye(4)[None], coupled and not share, aside)
+        for surfaces, over_room in ((together, True), *(([surface], False) for surface in apart)):
+            share = over_room and len(sensor) >= FEW
+            parts += drives.moving(surfaces, sensor, np.eye(4)[None], over_room and not share, aside)
             if share:
                 parts += drives.over_room(surfaces, sensor, aside).seen(sensor, rate_hz)
         return parts
-    parts += drives.moving(target, sensor, poses, shadow=shadow)
-    for surfaces, coupled in ((disc, True), *(([surface], False) for surface in apart)):
-        parts += drives.at_rest(surfaces, sensor, coupled)
+    parts += drives.moving(target, sensor, poses, coupled, shadow=shadow)
+    for surfaces, over_room in ((disc, True), *(([surface], False) for surface in apart)):
+        parts += drives.at_rest(surfaces, sensor, over_room)
     return parts
 
 

@@ -10,6 +10,7 @@ unscanned echoes from the configured seed and the draw.
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -28,9 +29,10 @@ from radartwin.radar.recording import Recording
 from radartwin.scene import rooms
 from radartwin.scene.objects.assortment import every_object
 from radartwin.scene.scene import Scene, Surface
-from radartwin.simulation.aspects import SHADOW_ASPECTS, SHADOW_ROUND, Aspects, needed
+from radartwin.simulation.aspects import SHADOW_ASPECTS, SHADOW_ROUND, Aspects, needed, over_room
 from radartwin.simulation.backends.mitsuba import TraceSettings
 from radartwin.simulation.backends.track_paths import Track
+from radartwin.simulation.paths import Paths
 from radartwin.simulation.signal.synthesis import received
 from radartwin.simulation.simulate import simulate
 from radartwin.store.recent import Recent
@@ -206,8 +208,10 @@ def _true_stand(sensor: bytes, top: bytes, gaps: testbed.Gaps, seed: int) -> Sce
     return testbed.truth(parts, gaps, seed)
 
 
-def _seen(case: Case, place: _Place, root: int, there: testbed.Actual, shadow: bool = True) -> np.ndarray:
-    """Simulate the received signal (F, C, T, R, N) of the whole scene at the actual poses of radar and target."""
+def _seen(case: Case, place: _Place, root: int, there: testbed.Actual, shadow: bool = True, coupled: bool = True) -> np.ndarray:
+    """Simulate the received signal (F, C, T, R, N) of the whole scene at the actual poses of radar and target; `shadow` and `coupled` as in
+    `seen`.
+    """
     drives, radar = _drives(case, place, root), place.radar
     poses = there.motion[case.object]
     disc, apart = _below(case, place.log, place.gaps, root)
@@ -219,7 +223,7 @@ def _seen(case: Case, place: _Place, root: int, there: testbed.Actual, shadow: b
     if case.motion in RAIL:
         parts = on_carriage(drives, there.sensor_poses, target, poses, place.log.target_poses[0], disc, apart)
     else:
-        parts = seen(drives, there.sensor_poses, radar.frame_rate_hz, target, poses, disc, apart, aside, shadow)
+        parts = seen(drives, there.sensor_poses, radar.frame_rate_hz, target, poses, disc, apart, aside, shadow, coupled)
     iq = received(parts, radar, max(len(there.sensor_poses), len(poses)), elements="exact", oscillator=None)
     return iq + drives.room_samples(there.sensor_poses)
 
@@ -237,22 +241,27 @@ class _Turning:
         """Return the radar signals at the traced target angles of a revolution."""
         short, count = replace(self.place, radar=replace(self.place.radar, num_chirps=1)), aspects(self.case.object, self.place.gaps)
 
-        def chirp(angles: np.ndarray) -> np.ndarray:
+        def direct(angles: np.ndarray) -> np.ndarray:
             there = testbed.Actual(self.place.log.sensor_poses, {self.case.object: self._poses(angles)})
-            return _seen(self.case, short, self.root, there, shadow=False)[:, 0]
+            return _seen(self.case, short, self.root, there, shadow=False, coupled=False)[:, 0]
 
-        return Aspects(Aspects.traced(chirp, count).signals + self.shadow().refined(count).signals)
+        over = functools.partial(_drives(self.case, self.place, self.root).moving, shadow=False, direct=False)
+        coarse = self._target(over_room(count), over), self.shadow()
+        return Aspects(Aspects.traced(direct, count).signals + sum(part.refined(count).signals for part in coarse))
 
     def shadow(self) -> Aspects:
         """Return the change of the radar signals by the target's shadow on the paths of the room."""
-        drives, target = _drives(self.case, self.place, self.root), list(_target(self.case.object, self.place.gaps, self.root))
-        sensor, radar = self.place.log.sensor_poses, replace(self.place.radar, num_chirps=1)
+        return self._target(shadows(self.case.object), _drives(self.case, self.place, self.root).shadow)
+
+    def _target(self, count: int, trace: Callable[..., list[Paths]]) -> Aspects:
+        """Return the signals of the paths that `trace` finds, for the target's surfaces, the radar's pose and poses of the target."""
+        target, radar = list(_target(self.case.object, self.place.gaps, self.root)), replace(self.place.radar, num_chirps=1)
 
         def chirp(angles: np.ndarray) -> np.ndarray:
-            parts = drives.shadow(target, sensor, self._poses(angles))
+            parts = trace(target, self.place.log.sensor_poses, self._poses(angles))
             return received(parts, radar, len(angles), elements="exact", oscillator=None)[:, 0]
 
-        return Aspects.traced(chirp, shadows(self.case.object))
+        return Aspects.traced(chirp, count)
 
     def angles(self) -> np.ndarray:
         """Return the turntable's angle (F, C, T) in radians at each chirp."""
@@ -360,11 +369,12 @@ _tracks: Recent[Track] = Recent(CACHED_TRACKS)
 def _drives(case: Case, place: _Place, root: int) -> Track:
     """Return the traced track (path of the radar in a room) of a case. The last ones are cached, because several objects share a track."""
     motion = case.motion if case.motion in ROVER else "bench"
-    key = f"{case.room} {motion} {root} {_of_room(place.gaps)} {place.settings} {place.radar} {place.log.sensor_poses.tobytes().hex()}"
+    radar = place.radar if case.motion in ROVER else replace(place.radar, num_chirps=1)  # all chirps of a resting radar are equal
+    key = f"{case.room} {motion} {root} {_of_room(place.gaps)} {place.settings} {radar} {place.log.sensor_poses.tobytes().hex()}"
 
     def build() -> Track:
         tally.count(tally.SETUPS)
         around = list(_around(case, place.log, place.gaps, root))
-        return Track.of_drives(around, place.radar, place.log.sensor_poses, place.settings, offset=0.5 if place.gaps.solver else 0.0)
+        return Track.of_drives(around, radar, place.log.sensor_poses, place.settings, offset=0.5 if place.gaps.solver else 0.0)
 
     return _tracks.get(key, 1, build)

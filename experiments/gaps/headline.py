@@ -198,8 +198,11 @@ def strengths(config: Config) -> list[float]:
 def compared(config: Config) -> Config:
     """Return the configuration with the campaign at which the strengths are compared, and without the rows that no claim needs."""
     campaign = replace(config.profile.strength_campaign, first_draw=config.profile.campaign.first_draw)
-    profile = replace(config.profile, campaign=campaign, unknown_contents=False, exact_objects=False, layout_turns=0)
-    return replace(config, profile=profile)
+    return _lean(replace(config, profile=replace(config.profile, campaign=campaign)))
+
+
+def _lean(config: Config) -> Config:
+    return replace(config, profile=replace(config.profile, unknown_contents=False, exact_objects=False, layout_turns=0))
 
 
 def tables(config: Config) -> dict[tuple[float | str, str], Config]:
@@ -208,7 +211,9 @@ def tables(config: Config) -> dict[tuple[float | str, str], Config]:
     """
     planned(config.profile.campaign, measured=True)
     planned(config.profile.strength_campaign, measured=True)
-    configs: dict[tuple[float | str, str], Config] = {(WHOLE, name): at_strength(config, name, NOMINAL) for name in SOURCES}
+    usual = config.profile.campaign.first_draw == 0  # other draws are read by this table alone
+    whole = config if usual else _lean(config)
+    configs: dict[tuple[float | str, str], Config] = {(WHOLE, name): at_strength(whole, name, NOMINAL) for name in SOURCES}
     several = strengths(config)
     if len(several) > 1:
         few = compared(config)

@@ -1,25 +1,20 @@
 """Compute the signal of a turning target by interpolation between aspects. An aspect is the signal of the target at rest at one turntable
 angle.
 
-The field of a target that extends to a distance R from the turntable axis has angular harmonics up to 2 k R, where k is the wavenumber. A
-whole revolution therefore needs 4 k R aspects, for example 600 aspects for R = 9 cm at 77 GHz. A windowed sinc function interpolates
-between aspects. For a point target at R = 9 cm, the interpolation error is 0.01 of the signal. The module interpolates each chirp
-separately, so that fast and uneven rotations use the same aspects. The largest remaining error occurs at angles where a face becomes
-visible, because physical optics makes the field jump there. The table gives measured errors of the interpolated signal, relative to the
-root mean square of the signal over a revolution. Reach is the largest distance of the target's surface from the axis.
+The field of a target that extends to a distance R from the turntable axis has angular harmonics up to about 2 k R, where k is the
+wavenumber. The aspects are equally spaced over a revolution, so that the Fourier series of 4 k R of them, for example 600 for R = 9 cm at
+77 GHz, gives the signal at any angle: it is first evaluated at FINER times as many angles, between which a windowed sinc function
+interpolates. The module interpolates each chirp separately, so that fast and uneven rotations use the same aspects. The largest remaining
+error occurs at angles where a face becomes visible, because physical optics makes the field jump there. The table gives the error relative
+to the root mean square of the signal over a revolution, of objects as made (radartwin/testbed/object_shape.py) on the turntable in the
+laboratory, against 1.4 to 1.6 times as many aspects (4/3 of the largest number for a can). Reach is the largest distance of the target's
+surface from the axis.
 
-| target | number of aspects per revolution | error |
+| target | number of aspects: error of the direct echo | of the echo over the room |
 |---|---|---|
-| 0.09 m reach, free space | 1024 | 0.02 to 0.07 (0.1 to 0.14 of the signal at weak aspects) |
-| bottle, 0.04 m reach, lab | 512 | 0.01 |
-| bottle, 0.05 m reach, lab | 512 | 0.005 |
-| mug, 0.075 m reach, lab | 512 | 0.07 |
-| body of revolution 6 mm off the turntable's axis | 64 | 0.005 |
-| body of revolution 8 mm off the turntable's axis | 64 | 0.09 |
-| can as made (radartwin/testbed/object_shape.py), free space, at most 3 mm off the axis | 192 | 0.013 |
-| the same | 256 | 0.006 |
-| can as drawn with a roughness of 0.1 mm, lab | 64 | 0.14 |
-| the same | 256 | 0.002 |
+| mug, 0.079 m reach | 576: 0.011; 448: 0.046; 320: 0.09 | 576: 0.0020; 320: 0.008 |
+| bottle, 0.060 m reach | 448: 0.0021; 320: 0.0029; 192: 0.006; 128: 0.6 | 448: 0.0007; 256: 0.0013; 128: 0.036 |
+| can (body of revolution with dents and a seam) | 192: 0.0026; 128: 0.007; 64: 0.038 | 128: 0.0007; 64: 0.0012 |
 
 The signal of a smooth body of revolution on the turntable varies only because its axis is offset from the axis of the turntable. The
 diffuse echo of a rough surface turns with the body.
@@ -37,8 +32,8 @@ from radartwin.scene.scene import Surface
 ASPECTS = 1024  # default number of aspects per revolution
 # Smallest number of aspects per revolution of a target that is no body of revolution, because mesh facets cause up to 128 ripples of the
 # signal per revolution.
-MIN_ASPECTS = 512
-NEARLY_ROUND = 256  # smallest number of aspects of a body of revolution with dents and a seam, or with a rough surface
+MIN_ASPECTS = 320
+NEARLY_ROUND = 192  # smallest number of aspects of a body of revolution with dents and a seam, or with a rough surface
 # Numbers of aspects per revolution for the shadow that a target casts on the paths of the room, for a body of revolution and for any other
 # target. The shadow changes slowly, because a wave that passes the edge of the outline is hardly deflected. The error relative to the part
 # of the signal that changes with the angle is 0.002 for a can as made at 64 aspects. At 128 aspects, it is 0.004 for a bottle and a corner
@@ -46,7 +41,7 @@ NEARLY_ROUND = 256  # smallest number of aspects of a body of revolution with de
 SHADOW_ROUND, SHADOW_ASPECTS = 64, 128
 TAPS = 8  # number of aspects from which one chirp is interpolated
 HIGHEST_HZ = 79e9  # frequency in Hz for which `needed` computes the number of aspects
-_OVERSAMPLING = 1.6  # number of aspects divided by the number that the sampling theorem requires; sets the interpolation window
+FINER = 2  # number of angles between which the window interpolates, divided by the number of aspects
 _BATCH = 64  # number of aspects that the simulator traces together
 
 
@@ -80,22 +75,23 @@ class Aspects:
         return Aspects((np.fft.ifft(more, axis=0) * (count / traced)).astype(np.complex64), self.symmetry)
 
     def at(self, angles: np.ndarray) -> np.ndarray:
-        """Interpolate the signal between the aspects, at the angle of each chirp of F frames with C chirp loops and T transmitters.
+        """Interpolate the signal at the angle of each chirp of F frames with C chirp loops and T transmitters.
 
         Args:
             angles: (F, C, T) turntable angle at each chirp of each transmitter, in radians.
         Returns:
             Samples (F, C, T, R, N), complex64.
         """
-        count, _, receivers, samples = self.signals.shape
-        place = np.asarray(angles, float) * (self.symmetry * count / (2 * np.pi))
-        out = np.empty((*place.shape, receivers, samples), np.complex64)
-        if count == 1:
+        traced, _, receivers, samples = self.signals.shape
+        out = np.empty((*np.shape(angles), receivers, samples), np.complex64)
+        if traced == 1:
             out[:] = self.signals[0]
             return out
+        count = FINER * traced
+        place = np.asarray(angles, float) * (self.symmetry * count / (2 * np.pi))
         first = np.floor(place).astype(np.int64)
         weights = _window(place - first)
-        shared_out(_combine, len(place), self.signals, first % count, weights, out)
+        shared_out(_combine, len(place), self.refined(count).signals, first % count, weights, out)
         return out
 
 
@@ -112,10 +108,16 @@ def needed(surfaces: Sequence[Surface], beyond_m: float = 0.0, round_about_axis:
     reach = beyond_m
     if not round_about_axis:
         reach += max(float(np.hypot(*s.mesh.vertices[:, :2].T).max(initial=0.0)) for s in surfaces)
-    batches = int(np.ceil(_OVERSAMPLING * 8 * np.pi * reach * HIGHEST_HZ / SPEED_OF_LIGHT / _BATCH))
+    phase = 4 * np.pi * reach * HIGHEST_HZ / SPEED_OF_LIGHT
+    harmonics = phase + 3 * np.cbrt(phase)  # the Bessel function of this order is 0.001 at `phase`
     uneven = dented or any(s.roughness_m > 0 for s in surfaces)
     least = (NEARLY_ROUND if uneven else _BATCH) if round_about_axis else MIN_ASPECTS
-    return max(least, batches * _BATCH)
+    return max(least, int(np.ceil(2 * harmonics / _BATCH)) * _BATCH)
+
+
+def over_room(count: int) -> int:
+    """Return the number of aspects of the echo over the room, whose errors count less, if the direct echo has `count` aspects."""
+    return -(-count // (2 * _BATCH)) * _BATCH
 
 
 def _window(fraction: np.ndarray) -> np.ndarray:
@@ -125,7 +127,7 @@ def _window(fraction: np.ndarray) -> np.ndarray:
         fraction: (...) position of the angle between two neighbouring aspects, from 0 to 1.
     """
     distance = fraction[..., None] - np.arange(1 - TAPS // 2, 1 + TAPS // 2)
-    beta = np.pi * TAPS * (1 - 1 / _OVERSAMPLING) / 2
+    beta = np.pi * TAPS * (1 - 1 / FINER) / 2
     inside = np.sqrt(np.clip(1 - (2 * distance / TAPS) ** 2, 0, None))
     weights = np.sinc(distance) * np.i0(beta * inside)
     return (weights / weights.sum(axis=-1, keepdims=True)).astype(np.float32)

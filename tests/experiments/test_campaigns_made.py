@@ -53,7 +53,7 @@ def record(case: Case, config: Config, measured: bool = True) -> Recording | Tur
         tally.count(tally.SETUPS)
     radar, frames = build_radar(config.radar), log(case, config.profile.campaign, measured).frames
     if case.motion == "turntable" and measured:
-        return Turned(Aspects(noise(rng, 256, 2, 4, 256)), rng.uniform(0, 6, (frames, 16, 2)), radar)
+        return Turned(Aspects(noise(rng, 192, 2, 4, 256)), rng.uniform(0, 6, (frames, 16, 2)), radar)
     return Recording(noise(rng, frames, 16, 2, 4, 256), radar)
 
 
@@ -91,7 +91,7 @@ def test_counts_and_disk_space_match_the_recordings(first_run: tuple[list[dict[s
     assert (drives["recordings"], drives["frames"], drives["traced"], drives["set_ups"]) == (2, 4, 4, 1)
     assert drives["value"] >= 1e3 * 3 * PAUSE_S / 4  # pauses of two recordings and a set-up, divided by four frames
     turning = cell(rows, "measured", "turntable", "wall")
-    assert (turning["recordings"], turning["frames"], turning["traced"]) == (1, 320, 256)
+    assert (turning["recordings"], turning["frames"], turning["traced"]) == (1, 320, 192)
     assert cell(rows, "simulated", "turntable", "wall")["frames"] == 40  # the simulation of the scanned room makes a single revolution
     every = [cell(rows, of, "all", "disk (MB)") for of in ("measured", "simulated")]
     assert [row["recordings"] for row in every] == [7, 5]

@@ -377,26 +377,26 @@ class Track:
 
     def moving(
         self, surfaces: Sequence[Surface], sensor: np.ndarray, poses: np.ndarray, coupled: bool = True, aside: np.ndarray | None = None,
-        shadow: bool = True,
+        shadow: bool = True, direct: bool = True,
     ) -> list[Paths]:  # fmt: skip
         """Trace a compact object at `poses` (F, 4, 4) from sensor poses `sensor` (F, 4, 4). A single pose holds for all frames.
 
         Args:
-            coupled: whether to include paths between the object and the room. The diffuse paths of the object are always included. The
-                object does not hide diffuse paths of the room, because `room` does not know the object.
+            coupled: whether to include paths between the object and the room. The object does not hide diffuse paths of the room, because
+                `room` does not know the object.
             aside: (3,) metres from the nominal to the actual object position. Legs that reflect at faces of the room are searched for a
                 ball around the nominal position, so that all objects placed there share these legs.
             shadow: whether to include the changes of the flat room's paths in the shadow of the object (`shadow`).
+            direct: whether to include the direct and the diffuse paths of the object.
         """
-        parts = [
-            merged(part, self._radar)
-            for part in self._moving(self._settings if coupled else replace(self._settings, coupling=False), surfaces, sensor, poses, aside)
-        ]
-        body = diffuse.Body(surfaces, geometry.build([s.mesh for s in surfaces]), poses)
+        settings = self._settings if coupled else replace(self._settings, coupling=False)
+        traced = self._moving(settings, surfaces, sensor, poses, aside, direct)
+        parts = [merged(part, self._radar) for part in (traced if direct else traced[1:])]
         if shadow:
             parts += self.shadow(surfaces, sensor, poses)
-        if not self._settings.diffuse:
+        if not (self._settings.diffuse and direct):
             return parts
+        body = diffuse.Body(surfaces, geometry.build([s.mesh for s in surfaces]), poses)
         others = [] if self._room is None else [diffuse.Body(self._room.surfaces, self._room.geometry, np.eye(4)[None])]
         return [*parts, diffuse.mover_paths(body, others, self._radar, sensor)]
 
