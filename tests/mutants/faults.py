@@ -119,6 +119,7 @@ _reach | min(max(foot, low + 1e-5), high - 1e-5) | low | the foot of an edge is 
 
 simulation/flat/search: simulation/test_cells
 beam_planes | min(radius / max(away, 1e-30), 1.0) | 0.0 | the beams of a cell are those of its centre
+_cone | (radius + size) / away | size / away | the beam over a face seen edge-on is that of the centre of a cell
 
 simulation/flat/field: simulation/test_cells
 reflect_points | margin > 0 | False | a path must exist at the test place itself

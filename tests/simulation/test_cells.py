@@ -11,7 +11,7 @@ from radartwin.scene.trajectories import trajectory
 from radartwin.simulation import variant
 from radartwin.simulation.backends.static_scene import static_scene
 from radartwin.simulation.flat.room import CELL_M, TEST_M, FlatRoom
-from radartwin.simulation.flat.search import Sequences
+from radartwin.simulation.flat.search import CONE, Sequences, _cone
 from radartwin.simulation.pruning import EARLY, PRUNE
 
 RADAR = rt.Radar.iwr1843("isotropic")
@@ -112,3 +112,24 @@ def test_a_cell_finds_every_edge_and_every_pair_of_edges_of_its_places():
         strong = np.flatnonzero(levels > WEAK * room.levels(found, place, RADAR).max())
         assert np.count_nonzero(every.edge[strong, 1] >= 0) > 20
         assert {key(every, k) for k in strong} <= known
+
+
+@pytest.mark.parametrize("away_m", [1.0, 5.0])
+def test_the_beam_over_a_face_that_is_seen_edge_on_holds_every_ray_of_the_cell(away_m: float) -> None:
+    """Each plane touches the rays from the ball that stay closest to it. A ball that overlaps the face has no bounds."""
+    rng, at, radius = np.random.default_rng(7), np.array([0.3, -0.2, 0.05]), 0.12
+    across = rng.uniform(-0.3, 0.3, (4, 2))
+    polygon = np.array([[away_m, 0.0, 0.0]]) + np.column_stack([across[np.argsort(np.arctan2(*across.T))], np.zeros(4)])
+    planes = np.empty((CONE, 4))
+    assert _cone(tuple(at), radius, polygon, 4, planes) == CONE
+    ball = rng.normal(size=(20_000, 3))
+    start = at + radius * ball / np.linalg.norm(ball, axis=1, keepdims=True)
+    through = rng.dirichlet(np.ones(4), 20_000) @ polygon
+    ends = start + rng.uniform(1, 20, (20_000, 1)) * (through - start)
+    height = ends @ planes[:, :3].T - planes[:, 3]
+    assert height.min() > 0
+    middle = polygon.mean(axis=0)
+    size = np.linalg.norm(polygon - middle, axis=1).max()
+    np.testing.assert_allclose(planes[:, :3] @ middle - planes[:, 3], size)
+    np.testing.assert_allclose(planes[:, :3] @ at - planes[:, 3], -radius)
+    assert _cone(tuple(at), away_m, polygon, 4, planes) == 0

@@ -36,6 +36,7 @@ FEW = 3  # number of steps to estimate the two points of a double diffraction
 # 1.1e-3.
 BOUND_OF_DOUBLES = 16.0
 PLACES = (0.5, 0.1, 0.9)  # places along two edges, relative to their lengths, between which their view of each other is tested
+CONE = 8  # number of planes that bound a beam over a face that is seen edge-on
 EQUAL_M = 1e-9  # corners of a lit polygon that are closer than this are one corner, whose side gives no plane
 BOTH = 2.25  # an edge changes a field by a factor of at most 1.5, and a path has at most two edges
 TINY_M2 = 1e-6  # twice the smallest area of a beam on a face
@@ -82,7 +83,8 @@ def beam_planes(
     """Write the planes that bound a beam, as unit normals that point inwards and offsets (count, 4); returns their number.
 
     The first plane is that of the beam's last face. The others run through the sides of its polygon and touch the far side of the ball
-    around the image `at`. The beam of the cell itself is bounded by the plane `front`. A cell on both sides of the last face has no bounds.
+    around the image `at`. The beam of the cell itself is bounded by the plane `front`. A beam whose cell is on both sides of the last face
+    has the bounds of `_cone`.
     """
     if last < 0:
         for k in range(4):
@@ -91,7 +93,7 @@ def beam_planes(
     normal = vector(faces.normal, last)
     height = dot(at, normal) - faces.offset[last]
     if abs(height) <= radius:
-        return 0
+        return _cone(at, radius, polygon, count, out)
     side = -1.0 if height > 0 else 1.0
     out[0, 0], out[0, 1], out[0, 2], out[0, 3] = side * normal[0], side * normal[1], side * normal[2], side * faces.offset[last]
     middle, number = middle_of(polygon, count), 1
@@ -117,6 +119,32 @@ def beam_planes(
         out[number, 3] = dot(out[number], a)
         number += 1
     return number
+
+
+@innermost
+def _cone(at: Vector, radius: float, polygon: np.ndarray, count: int, out: np.ndarray) -> int:
+    """Write CONE planes that bound all rays from a ball around `at` through a ball around a polygon, and touch both; returns their number.
+    It is 0 if the balls overlap.
+    """
+    middle, size = middle_of(polygon, count), 0.0
+    for i in range(count):
+        size = max(size, distance(middle, vector(polygon, i)))
+    away = distance(at, middle)
+    if away <= radius + size:
+        return 0
+    axis = toward(at, middle, away)
+    k = 0 if abs(axis[0]) < 0.6 else 1
+    across = cross(axis, (1.0 - k, 1.0 * k, 0.0))
+    across = toward((0.0, 0.0, 0.0), across, norm(across))
+    up = cross(axis, across)
+    sine = (radius + size) / away
+    cosine = math.sqrt(1 - sine * sine)
+    for i in range(CONE):
+        angle = 2 * math.pi * i / CONE
+        for j in range(3):
+            out[i, j] = sine * axis[j] - cosine * (math.cos(angle) * across[j] + math.sin(angle) * up[j])
+        out[i, 3] = dot(out[i], middle) - size
+    return CONE
 
 
 @innermost
