@@ -36,6 +36,7 @@ PAIRS_AT_ONCE = 200_000  # limits the memory of one evaluation
 # Rooms with more edges have paths with at most one diffraction. The search for two takes time with the square of the number of edges: 9 s
 # of processor time for a cell in the furnished laboratory, which has 257.
 MAX_EDGES = 1000
+LARGE_BOUNCES = 4  # largest number of reflections there, because beams of four reflections take 8 GB in the atrium with its clutter
 SHORT = 4.0  # length in wavelengths up to which the fields of a linear array are interpolated
 UNEVEN = 0.3  # relative difference of the fields at the outermost channels above which all channels are computed
 CHANNELS = 0.003  # the fields of weaker paths, relative to the strongest path of the pose, are computed at the middle of the array only
@@ -207,14 +208,16 @@ class FlatRoom:
     def searched(self, poses: np.ndarray, radar: Radar, max_bounces: int, prune: float, diffractions: int = 2) -> Searched:
         """Find the sequences of faces and edges whose paths can, along a track, be as strong as `prune` times the strongest path.
 
-        Paths are diffracted at most `diffractions` times (1 or 2), and at most once if the room has more than MAX_EDGES edges.
+        Paths are diffracted at most `diffractions` times (1 or 2). If the room has more than MAX_EDGES edges, they are diffracted at most
+        once and reflected at most LARGE_BOUNCES times.
         """
-        twice = diffractions > 1 and len(self.faces.length) <= MAX_EDGES
-        if diffractions > 1 and not twice:
+        large = len(self.faces.length) > MAX_EDGES
+        twice, longest = diffractions > 1 and not large, min(max_bounces, LARGE_BOUNCES) if large else max_bounces
+        if large and (diffractions > 1 or max_bounces > LARGE_BOUNCES):
             warnings.warn(
                 f"the room has {len(self.faces.length)} edges, over MAX_EDGES = {MAX_EDGES}; its paths have at most one diffraction, which "
-                "changes the signal of a furnished atrium by 0.15; the simulator setting diffractions=1 accepts this for every room",
-                RoomWarning, stacklevel=2,
+                f"changes the signal of a furnished atrium by 0.15, and at most {LARGE_BOUNCES} reflections; the simulator settings "
+                f"diffractions=1 max_bounces={LARGE_BOUNCES} accept this for every room", RoomWarning, stacklevel=2,
             )  # fmt: skip
         points = _points(poses)
         tests = _spaced(points, TEST_M)
@@ -225,7 +228,7 @@ class FlatRoom:
             """Return the sequences of the test places of a cell. Poses of the track test what the cell sees."""
             near = np.flatnonzero(np.isin(test_of, places))
             eyes = near[np.unique(np.linspace(0, len(near) - 1, EYES).astype(int))]
-            return self._strong(poses[tests[places]], poses[eyes], radar, max_bounces, prune, twice)
+            return self._strong(poses[tests[places]], poses[eyes], radar, longest, prune, twice)
 
         per_cell = each(strong, members)
         every, index = search.Sequences.union([sequences for cell in per_cell for sequences in cell])
