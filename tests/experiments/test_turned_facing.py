@@ -18,7 +18,7 @@ COURSE = ["profile.campaign.frames_per_turn=40", "profile.campaign.turns=30"]
 def simulated(monkeypatch):
     """Return a function that simulates a recording whose samples encode yaw, position and tilt of the target."""
 
-    def seen(case, place, root, there, shadow):
+    def seen(case, place, root, there, shadow, coupled=True):
         poses = there.motion[case.object]
         encoded = np.exp(1j * np.arctan2(poses[:, 1, 0], poses[:, 0, 0])) + 1j * (poses[:, 0, 3] - 1.0) + 100 * poses[:, 2, 0]
         return np.tile(encoded[:, None, None, None, None], (1, place.radar.num_chirps, 1, 1, 1)).astype(np.complex64)
@@ -31,7 +31,7 @@ def simulated(monkeypatch):
         return (made.iq if traced else made.aspects.at(made.angles))[:, :, 0, 0, 0]
 
     monkeypatch.setattr(truth, "_seen", seen)
-    monkeypatch.setattr(truth._Turning, "shadow", lambda turning: Aspects(np.zeros((64, 1, 1, 1), np.complex64)))
+    monkeypatch.setattr(truth._Turning, "_target", lambda *_: Aspects(np.zeros((64, 1, 1, 1), np.complex64)))
     for slow in ("_creep", "_person"):
         monkeypatch.setattr(truth, slow, lambda *_: None)
     monkeypatch.setattr(truth, "Recording", lambda iq, *_, **more: SimpleNamespace(iq=iq))
