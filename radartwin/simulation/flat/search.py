@@ -25,7 +25,7 @@ from radartwin.simulation.flat.convex import clip, copy, twice_area
 from radartwin.simulation.flat.faces import Faces
 from radartwin.simulation.flat.field import Walls, beside, edge_point, grazed_face, keller, mirrored, open_angle, panes_on, reflect_points
 from radartwin.simulation.flat.obstacles import MAX_PANES, Hierarchy, Point, Vector, build, crossed
-from radartwin.simulation.flat.vectors import cross, distance, dot, moved, norm, toward, vector
+from radartwin.simulation.flat.vectors import ZERO, cross, distance, dot, moved, norm, put, toward, transverse, vector
 
 SPARE = 16  # a beam can have this many corners more than the outlines of the faces; further corners are left out
 SAMPLES = (0.02, 0.25, 0.5, 0.75, 0.98)  # places along the lit part of an edge, relative to its length, where its visibility is tested
@@ -126,23 +126,17 @@ def _cone(at: Vector, radius: float, polygon: np.ndarray, count: int, out: np.nd
     """Write CONE planes that bound all rays from a ball around `at` through a ball around a polygon, and touch both; returns their number.
     It is 0 if the balls overlap.
     """
-    middle, size = middle_of(polygon, count), 0.0
-    for i in range(count):
-        size = max(size, distance(middle, vector(polygon, i)))
-    away = distance(at, middle)
+    middle = middle_of(polygon, count)
+    size, away = _size(polygon, count, middle), distance(at, middle)
     if away <= radius + size:
         return 0
     axis = toward(at, middle, away)
-    k = 0 if abs(axis[0]) < 0.6 else 1
-    across = cross(axis, (1.0 - k, 1.0 * k, 0.0))
-    across = toward((0.0, 0.0, 0.0), across, norm(across))
-    up = cross(axis, across)
-    sine = (radius + size) / away
-    cosine = math.sqrt(1 - sine * sine)
+    across = transverse(axis, axis)
+    up, sine = cross(axis, across), (radius + size) / away
     for i in range(CONE):
         angle = 2 * math.pi * i / CONE
-        for j in range(3):
-            out[i, j] = sine * axis[j] - cosine * (math.cos(angle) * across[j] + math.sin(angle) * up[j])
+        outwards = moved(moved(ZERO, across, math.cos(angle)), up, math.sin(angle))
+        put(out, i, moved(moved(ZERO, axis, sine), outwards, -math.sqrt(1 - sine * sine)))
         out[i, 3] = dot(out[i], middle) - size
     return CONE
 
@@ -154,6 +148,15 @@ def middle_of(polygon: np.ndarray, count: int) -> Vector:
     for i in range(count):
         x, y, z = x + polygon[i, 0], y + polygon[i, 1], z + polygon[i, 2]
     return x / count, y / count, z / count
+
+
+@innermost
+def _size(polygon: np.ndarray, count: int, middle: Vector) -> float:
+    """Return the largest distance of a polygon's corners from its middle."""
+    size = 0.0
+    for i in range(count):
+        size = max(size, distance(middle, vector(polygon, i)))
+    return size
 
 
 @innermost
@@ -247,10 +250,7 @@ def _reflected(faces: Faces, envelope: np.ndarray, chain: np.ndarray, at: Vector
 @innermost
 def _beyond(polygon: np.ndarray, count: int, middle: Vector, at: Vector) -> float:
     """Return a lower bound of the distance from a point to a polygon with the given middle."""
-    size = 0.0
-    for i in range(count):
-        size = max(size, distance(middle, vector(polygon, i)))
-    return max(distance(at, middle) - size, 0.0)
+    return max(distance(at, middle) - _size(polygon, count, middle), 0.0)
 
 
 @innermost
