@@ -95,6 +95,13 @@ def test_the_run_of_strength_one_is_that_of_the_table_itself() -> None:
         assert run_key(headline.at_strength(settings, name, 1.0)) == run_key(config(name, f"output={settings.output}"))
 
 
+@pytest.mark.parametrize(("first", "turns"), [(0, 12), (100, 0)])
+def test_draws_that_only_the_headline_reads_have_no_recordings_that_no_claim_reads(first: int, turns: int) -> None:
+    tables = headline.tables(config("headline", "profile=paper", f"profile.campaign.first_draw={first}"))
+    profile = tables[headline.WHOLE, "labelled_probe"].profile
+    assert (profile.layout_turns, profile.unknown_contents, profile.exact_objects) == (turns, bool(turns), bool(turns))
+
+
 def test_each_claim_has_the_level_of_its_rank() -> None:
     """Three claims with p = 0.001, 0.02 and 0.04 have the levels 1 - 0.05/3, 1 - 0.05/2 and 0.95; 0.03 does not suffice first."""
 
