@@ -42,6 +42,7 @@ simulation/curved/scatter: physics/test_rcs physics/test_tubes physics/test_rims
 _footprint | 8 * np.pi * contact.cosine | 4 * np.pi * contact.cosine | a footprint radiates 6 dB too much
 scatter | electric + magnetic | electric - magnetic | magnetic currents have the wrong sign
 _footprint | 0.5 * wavenumber | 0.25 * wavenumber | the second-order phase of a footprint is halved
+_footprint | dr.abs(phase) < MOST_PHASE | dr.abs(phase) < 1e30 | tubes of any width have an echo
 footprint_moments | dr.sincos(beta * float(node * node)) | dr.sincos(-beta * float(node * node)) | the second-order phase has the wrong sign
 footprint_integral | share & (1 << bit) != 0 | share & (8 >> bit) != 0 | a tube contributes on the wrong sides of its centre ray
 triangle_integral | (im_a - im_b) * scale | (im_b - im_a) * scale | the integral over a piece is conjugated

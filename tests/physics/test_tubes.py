@@ -1,5 +1,6 @@
 """Tests of ray tubes: their spreading after curved surfaces, energy, polarisation and reciprocity."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -86,19 +87,48 @@ def test_divided_tubes_sum_to_one(bounces):
     assert len(kinds) == bounces + 1
 
 
-def caustics(direction, footprint, way):
-    """Return the number of caustics of a tube on a way. footprint: its derivatives of position and of direction along u and v."""
+def tube(direction, footprint, **more):
+    """Return a tube that has met no facet. footprint: derivatives of its position and of its direction along u and v."""
     variant.activate()
     import mitsuba as mi
 
-    from radartwin.simulation.curved import contact, flight
+    from radartwin.simulation.curved import flight
 
     names = "index", "pose", "origin", "weight", "share", "departure", "across", "encounters", "length", "first"
     none: Any = dict.fromkeys(names)
     fields = dict(zip(("position_du", "position_dv", "direction_du", "direction_dv"), (mi.Vector3f(*x) for x in footprint), strict=True))
-    tube = flight.Tubes(**none, direction=mi.Vector3f(*direction), **fields, caustics=mi.UInt32(0))
-    contact.count_caustics(tube, mi.Float(way))
-    return int(tube.caustics.numpy()[0])
+    return flight.Tubes(**(none | more), direction=mi.Vector3f(*direction), **fields, caustics=mi.UInt32(0))
+
+
+def caustics(direction, footprint, way):
+    """Return the number of caustics of a tube on a way, with the arguments of `tube`."""
+    moving = tube(direction, footprint)
+    import mitsuba as mi
+
+    from radartwin.simulation.curved import contact
+
+    contact.count_caustics(moving, mi.Float(way))
+    return int(moving.caustics.numpy()[0])
+
+
+@pytest.mark.parametrize("phase", [1e2, 1e4, 1e6, 1e8, 1e10])
+def test_a_tube_of_any_width_has_at_most_the_echo_of_its_footprint_in_phase(phase):
+    """A tube between the walls of a mug can spread by metres, and the sine of Dr.Jit exceeds 1 for phases above 1e7 rad."""
+    variant.activate()
+    import mitsuba as mi
+
+    from radartwin.simulation.curved import scatter
+    from radartwin.simulation.curved.contact import Contact
+
+    width = phase / K
+    footprint = (width, 0, 0), (0, 0.8, 0.6), (width, 0, 0), (0, 0, 0)
+    spread = tube((0, 0.6, -0.8), footprint, weight=mi.Float(1e-6), across=mi.Vector3f(1, 0, 0))
+    up, none = mi.Vector3f(0, 0, 1), mi.Vector3f(0, 0, 0)
+    facet = Contact(mi.UInt32(0), mi.Bool(True), up, up, none, none, mi.Float(0.8), [none, none], [none, none])
+    device: Any = SimpleNamespace(curved=False)
+    reception = scatter.Reception(mi.Vector3f(0.6, 0, 0.8), mi.Float(1.0), mi.Vector3f(0, 1, 0), False)
+    re, im, *_ = scatter.scatter(device, spread, facet, reception, mi.Float(K), mi.Bool(True))
+    assert np.hypot(re.numpy(), im.numpy())[0] <= np.sqrt(1e-6 * width) / (8 * np.pi * 0.8)
 
 
 @pytest.mark.parametrize("foci_m", [(np.inf, np.inf), (1.0, np.inf), (3.0, 1.0), (1.0, 1.5), (1.0, 1.0), (3.0, 4.0), (-1.0, 1.0)])
