@@ -196,13 +196,17 @@ def strengths(config: Config) -> list[float]:
 
 
 def compared(config: Config) -> Config:
-    """Return the configuration with the campaign at which the strengths are compared, and without the rows that no claim needs."""
+    """Return the configuration with the campaign at which the strengths are compared."""
     campaign = replace(config.profile.strength_campaign, first_draw=config.profile.campaign.first_draw)
     return _lean(replace(config, profile=replace(config.profile, campaign=campaign)))
 
 
 def _lean(config: Config) -> Config:
-    return replace(config, profile=replace(config.profile, unknown_contents=False, exact_objects=False, layout_turns=0))
+    """Return the configuration without the recordings that no claim reads."""
+    campaign, read = config.profile.campaign, {headline.where.get("room") for headline in HEADLINES}
+    campaign = replace(campaign, rover_rooms=[room for room in campaign.rover_rooms if room in read] or campaign.rover_rooms)
+    none = {"unknown_contents": False, "exact_objects": False, "layout_turns": 0, "operating_points": False}
+    return replace(config, profile=replace(config.profile, campaign=campaign, **none))
 
 
 def tables(config: Config) -> dict[tuple[float | str, str], Config]:

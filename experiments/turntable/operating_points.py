@@ -87,12 +87,15 @@ class Point:
 
 
 def conditions(config: Config) -> tuple[Condition, ...]:
-    """Return the compared conditions; none if the testbed does not measure at the paper's distance, or the simulation has no room."""
-    distances_m, profile = config.experiment.distances_m, config.profile.name
-    if config.measured.provider != "testbed" or config.materials.source == VOID or (distances_m and DISTANCE_M not in distances_m):
+    """Return the compared conditions; none if the profile has none, the testbed does not measure at the paper's distance, or the
+    simulation has no room.
+    """
+    distances_m, profile = config.experiment.distances_m, config.profile
+    unfit = config.measured.provider != "testbed" or config.materials.source == VOID
+    if not profile.operating_points or unfit or (distances_m and DISTANCE_M not in distances_m):
         return ()
-    lobes = [lobe for lobe in LOBES.get(profile, ()) if config.measured.gap.antenna or not lobe]
-    return tuple(Condition(*pair) for pair in itertools.product(lobes, UNSCANNED.get(profile, ())))
+    lobes = [lobe for lobe in LOBES.get(profile.name, ()) if config.measured.gap.antenna or not lobe]
+    return tuple(Condition(*pair) for pair in itertools.product(lobes, UNSCANNED.get(profile.name, ())))
 
 
 def wanted(config: Config) -> list[tuple[str, Case]]:

@@ -221,6 +221,7 @@ class ProfileConfig(Checked):
     strengths: list[float] = positive([1.0])  # factors on all gaps (measured.gap) in the table of the paper's main claims
     unknown_contents: bool = False  # whether some tables also show a simulation that knows only the surface of vessels
     exact_objects: bool = False  # whether tables of object recognition also show a testbed whose objects equal the catalogue
+    operating_points: bool = True  # whether the table environment searches for conditions in which the paper's figures occur
     # quantities of supervision.randomise that the table randomisation_ablation leaves out, one at a time
     left_out: list[str] = choice(["level", "if_filter", "channels", "noise"], *(entry.name for entry in fields(RandomiseConfig)))
     layout_turns: int = not_negative(0)  # revolutions per recording in the paper's layout (table labelled_probe); 0: none

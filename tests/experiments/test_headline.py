@@ -95,11 +95,13 @@ def test_the_run_of_strength_one_is_that_of_the_table_itself() -> None:
         assert run_key(headline.at_strength(settings, name, 1.0)) == run_key(config(name, f"output={settings.output}"))
 
 
-@pytest.mark.parametrize(("first", "turns"), [(0, 12), (100, 0)])
-def test_draws_that_only_the_headline_reads_have_no_recordings_that_no_claim_reads(first: int, turns: int) -> None:
+@pytest.mark.parametrize(("first", "more"), [(0, True), (100, False)])
+def test_draws_that_only_the_headline_reads_have_no_recordings_that_no_claim_reads(first: int, more: bool) -> None:
     tables = headline.tables(config("headline", "profile=paper", f"profile.campaign.first_draw={first}"))
     profile = tables[headline.WHOLE, "labelled_probe"].profile
-    assert (profile.layout_turns, profile.unknown_contents, profile.exact_objects) == (turns, bool(turns), bool(turns))
+    others = profile.unknown_contents, profile.exact_objects, profile.operating_points, profile.layout_turns > 0
+    assert others == (more,) * 4
+    assert profile.campaign.rover_rooms == ["atrium"] * more + ["squash_court"]
 
 
 def test_each_claim_has_the_level_of_its_rank() -> None:
