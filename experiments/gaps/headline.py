@@ -50,10 +50,10 @@ TABLE = Table(
     title="The paper's main claims",
     caption="Each row is one claim of the paper, which the table in the column 'table' states. Value, interval and verdict are those with "
     "all differences between testbed and simulation at their published size (strength 1), over all recordings. The intervals have the "
-    "level in the column 'level' (Holm's correction). The columns 'strength' give "
-    "value, interval and verdict at each strength, with the number of draws in brackets. They rest on a campaign of their own "
-    "(profile.strength_campaign, in the paper profile a smaller one), so that the column 'strength 1' may differ from the value. "
-    "'Over all strengths' compares the verdicts of these columns. The quick profile has strength 1 alone. 'Evidence' names the draws; "
+    "level in the column 'level' (Holm's correction). The columns 'strength' give value, interval and verdict at each strength, with the "
+    "number of draws in brackets. They rest on a campaign of their own (profile.strength_campaign, which starts at draw 0 and is smaller "
+    "than that of the paper profile), so that the column 'strength 1' may differ from the value. 'Over all strengths' compares the "
+    "verdicts of these columns. The quick profile has strength 1 alone. 'Evidence' names the draws of the value; "
     "all draws and settings but the registered ones are exploratory (experiments/gaps/registration.py).",
 )
 
@@ -197,8 +197,7 @@ def strengths(config: Config) -> list[float]:
 
 def compared(config: Config) -> Config:
     """Return the configuration with the campaign at which the strengths are compared."""
-    campaign = replace(config.profile.strength_campaign, first_draw=config.profile.campaign.first_draw)
-    return _lean(replace(config, profile=replace(config.profile, campaign=campaign)))
+    return _lean(replace(config, profile=replace(config.profile, campaign=config.profile.strength_campaign)))
 
 
 def _lean(config: Config) -> Config:

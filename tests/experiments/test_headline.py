@@ -102,6 +102,7 @@ def test_draws_that_only_the_headline_reads_have_no_recordings_that_no_claim_rea
     others = profile.unknown_contents, profile.exact_objects, profile.operating_points, profile.layout_turns > 0
     assert others == (more,) * 4
     assert profile.campaign.rover_rooms == ["atrium"] * more + ["squash_court"]
+    assert tables[0.5, "labelled_probe"].profile.campaign.first_draw == 0
 
 
 def test_each_claim_has_the_level_of_its_rank() -> None:
