@@ -130,6 +130,7 @@ def test_print_unfolds_everything(opened: browser.Page) -> None:
           hidden: [...document.querySelectorAll("tbody tr")].filter(row => getComputedStyle(row).display === "none").length,
           cut: [...document.querySelectorAll(".scroll")].filter(one => one.scrollHeight > one.clientHeight + 2).length }; })"""
     )
+    opened.until("[...document.images].every(picture => picture.complete && picture.naturalWidth)")
     opened.call("Emulation.setEmulatedMedia", media="print")
     pdf = base64.b64decode(opened.call("Page.printToPDF", preferCSSPageSize=True)["data"])
     assert opened.run("window.atPrint") == {"folded": 0, "hidden": 0, "cut": 0}
