@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 from trimesh.visual import ColorVisuals
@@ -125,6 +127,20 @@ def test_a_phone_shows_the_scene_above_the_panel_and_the_card_after_a_tap(chromi
     page.tap(5, top[1] + 5)
     assert page.run("document.querySelector('#card').hidden")
     assert page.messages == []
+
+
+def test_a_scene_opened_in_a_frame_without_a_size_fills_it_once_it_has_one(chromium, lab, tmp_path):
+    view(lab, tmp_path / "lab.html")
+    frame = '<body style="margin:0" data-ready="yes"><iframe src="lab.html" style="width:0; height:0; border:0"></iframe></body>'
+    (tmp_path / "frame.html").write_text(frame)
+    page = chromium()
+    page.open(tmp_path / "frame.html", WIDTH, HEIGHT)
+    page.until("document.readyState === 'complete'")
+    page.run("new Promise(done => setTimeout(done, 500))")
+    page.run(f"document.querySelector('iframe').style = 'width:{WIDTH}px; height:{HEIGHT}px; border:0'")
+    end = time.monotonic() + 10
+    while (np.abs(picture(page) - PAPER).max(axis=2) > 12).mean() < 0.25:
+        assert time.monotonic() < end, "the room stays small"
 
 
 def test_colours_of_a_scan_are_drawn(chromium, tmp_path):

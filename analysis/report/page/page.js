@@ -82,7 +82,5 @@ addEventListener("beforeprint", () => {
   folded = [...document.querySelectorAll("details:not([open])")];
   for (const details of folded) details.open = true;
 });
-// Pictures below are loaded once the page is shown, because a browser prints only pictures that are loaded.
-addEventListener("load", () => { for (const picture of document.querySelectorAll("img[loading=lazy]")) picture.loading = "eager"; });
 addEventListener("afterprint", () => { for (const details of folded) details.open = false; });
 document.body.dataset.ready = "yes";

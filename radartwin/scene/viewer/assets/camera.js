@@ -26,12 +26,12 @@ class Camera {
   }
 
   overview() {
-    Object.assign(this, { target: [...this.middle], azimuth: -2.05, elevation: 0.72, fov: 0.62 });
+    Object.assign(this, { target: [...this.middle], azimuth: -2.05, elevation: 0.72, fov: 0.62, fitted: true });
     this.fit();
   }
 
   top() {
-    Object.assign(this, { target: [...this.middle], azimuth: -Math.PI / 2, elevation: Math.PI / 2 - 1e-3, fov: 0.5 });
+    Object.assign(this, { target: [...this.middle], azimuth: -Math.PI / 2, elevation: Math.PI / 2 - 1e-3, fov: 0.5, fitted: true });
     this.fit();
   }
 
@@ -51,6 +51,13 @@ class Camera {
     this.azimuth = Math.atan2(-direction[1], -direction[0]);
     this.elevation = Math.asin(Math.max(-1, Math.min(1, -direction[2])));
     this.fov = 1.2;
+    this.fitted = false;
+  }
+
+  /** Fit the scene again, unless the user has moved the camera: a frame may open before it has a size. */
+  resize(aspect, shift) {
+    Object.assign(this, { aspect, shift });
+    if (this.fitted) this.fit();
   }
 
   get eye() {
@@ -94,17 +101,20 @@ class Camera {
   }
 
   turn(dx, dy) {
+    this.fitted = false;
     this.azimuth -= dx * 0.006;
     this.elevation = Math.max(-1.55, Math.min(Math.PI / 2 - 1e-3, this.elevation + dy * 0.006));
   }
 
   pan(dx, dy, height) {
+    this.fitted = false;
     const { right, up } = this.axes();
     const metres = (2 * this.distance * Math.tan(this.fov / 2)) / height;
     this.target = vec.add(this.target, vec.add(vec.scale(right, -dx * metres), vec.scale(up, dy * metres)));
   }
 
   zoom(factor) {
+    this.fitted = false;
     this.distance = Math.max(0.02, Math.min(20 * this.size, this.distance * factor));
   }
 }

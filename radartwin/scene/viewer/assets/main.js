@@ -76,8 +76,7 @@ function start(pictures) {
   }
 
   function updateAspect() {
-    camera.aspect = canvas.clientWidth / canvas.clientHeight;
-    camera.shift = innerWidth > 700 ? 314 / innerWidth : 0;
+    camera.resize(canvas.clientWidth / canvas.clientHeight, innerWidth > 700 ? 314 / innerWidth : 0);
   }
 
   function surfaceAt(event) {
@@ -144,7 +143,7 @@ function start(pictures) {
     canvas.oncontextmenu = (event) => event.preventDefault();
     canvas.ondblclick = (event) => {
       const surface = surfaceAt(event);
-      if (surface) camera.target = [...surface.centre];
+      if (surface) Object.assign(camera, { target: [...surface.centre], fitted: false });
       redraw();
     };
     canvas.addEventListener("wheel", (event) => {
@@ -162,7 +161,6 @@ function start(pictures) {
   document.getElementById("title").textContent = scene.title;
   document.getElementById("note").textContent = scene.note;
   updateAspect();
-  camera.overview();
   controls();
   pointer();
   const mode = new URLSearchParams(location.hash.slice(1)).get("mode");
