@@ -171,14 +171,19 @@ def make_together(
     count = workers.worker_count(jobs, len(tasks) + len(calls))
     schedule, ahead = Schedule(tasks), list(reversed(calls))
 
+    running: dict[int, float] = {}  # expected processor time in seconds of each worker's call
+
+    def waiting() -> float:
+        return schedule.remaining() + CALL_S * len(ahead)
+
     def next_call(worker: int) -> Call | None:
-        if ahead:
-            return ahead.pop()
-        task = schedule.next_task(worker)
-        return (_make, task) if task else None
+        before = waiting()
+        call = ahead.pop() if ahead else (_make, task) if (task := schedule.next_task(worker)) else None
+        running[worker] = before - waiting()
+        return call
 
     def remaining() -> float:
-        return schedule.remaining() + CALL_S * len(ahead)
+        return (waiting() + sum(running.values()) / 2) / count
 
     with progress.task("recordings", len(tasks) + len(calls), remaining) as made:
         if count > 1:

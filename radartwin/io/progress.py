@@ -15,6 +15,7 @@ from typing import TypeVar
 
 T = TypeVar("T")
 PLAIN_INTERVAL_S = 5.0
+TRUST_S = 60.0  # work in seconds after which the measured pace has the same weight in the estimate as the expected one
 
 
 class Progress:
@@ -40,33 +41,40 @@ class Progress:
     def task(self, label: str, total: int | None = None, remaining: Callable[[], float] | None = None) -> Iterator[Callable[[], None]]:
         """Show the progress of work with `total` steps. The `with` block gets a function to call after each step.
 
-        remaining: returns the remaining work in any unit, for the estimate of the remaining time; None: all steps take the same time.
+        remaining: returns the expected time in seconds of the remaining work. The estimate of the remaining time starts with it and
+            follows the measured pace later. None: all steps take the same time.
         """
         if self._quiet:
             yield lambda: None
-        elif self._terminal:
-            with _bar(f"{self._label}{label}", total, remaining) as advance:
-                yield advance
-        else:
-            with self._lines(label, total, remaining) as advance:
-                yield advance
+            return
+        done, started, work = 0, time.monotonic(), remaining() if remaining else total
+        with (_bar if self._terminal else _lines)(f"{self._label}{label}", work) as show:
 
-    @contextlib.contextmanager
-    def _lines(self, label: str, total: int | None, remaining: Callable[[], float] | None) -> Iterator[Callable[[], None]]:
-        done, started, work = 0, time.monotonic(), remaining() if remaining else 0.0
-        last = started
+            def advance() -> None:
+                nonlocal done
+                done += 1
+                ahead = remaining() if remaining else total - done if total else None
+                trust, left = TRUST_S if remaining else 0.0, ""
+                if work is not None and ahead is not None:
+                    left = f", {_duration(ahead * (time.monotonic() - started + trust) / (work - ahead + trust))} left"
+                show(f"{done}{f'/{total}' if total else ''}{left}", done if ahead is None or work is None else work - ahead)
 
-        def advance() -> None:
-            nonlocal done, last
-            done += 1
-            if time.monotonic() - last >= PLAIN_INTERVAL_S:
-                last = time.monotonic()
-                share = 1 - remaining() / work if remaining and work else done / total if total else 0.0
-                left = f", {_duration((last - started) * (1 / share - 1))} left" if share else ""
-                self.say(f"{label}: {done}{f'/{total}' if total else ''}{left}")
+            yield advance
+        if not self._terminal:
+            self.say(f"{label}: {done} done in {time.monotonic() - started:.1f} s")
 
-        yield advance
-        self.say(f"{label}: {done} done in {time.monotonic() - started:.1f} s")
+
+@contextlib.contextmanager
+def _lines(label: str, work: float | None) -> Iterator[Callable[[str, float], None]]:
+    last = time.monotonic()
+
+    def show(told: str, completed: float) -> None:
+        nonlocal last
+        if time.monotonic() - last >= PLAIN_INTERVAL_S:
+            last = time.monotonic()
+            print(f"{label}: {told}", file=sys.stderr, flush=True)
+
+    yield show
 
 
 def _duration(seconds: float) -> str:
@@ -79,26 +87,12 @@ def _duration(seconds: float) -> str:
 
 
 @contextlib.contextmanager
-def _bar(label: str, total: int | None, remaining: Callable[[], float] | None) -> Iterator[Callable[[], None]]:
+def _bar(label: str, work: float | None) -> Iterator[Callable[[str, float], None]]:
     from rich.console import Console
-    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
 
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.fields[steps]}"),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
+    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[told]}")
     with Bar(*columns, console=Console(stderr=True)) as bar:
-        done, work = 0, remaining() if remaining else total
-        task = bar.add_task(label, total=work, steps="")
-
-        def advance() -> None:
-            nonlocal done
-            done += 1
-            completed = work - remaining() if remaining and work else done
-            bar.update(task, completed=completed, steps=f"{done}/{total}" if total else str(done))
-
-        yield advance
+        task = bar.add_task(label, total=work, told="")
+        yield lambda told, completed: bar.update(task, completed=completed, told=told)

@@ -18,3 +18,9 @@ def test_lines_show_finished_items_and_remaining_time(monkeypatch, capsys):
     monkeypatch.setattr(progress, "PLAIN_INTERVAL_S", 0.0)
     assert list(progress.Progress().over(iter("ab"), "letters")) == ["a", "b"]
     assert capsys.readouterr().err.splitlines()[:2] == ["letters: 1", "letters: 2"]  # without a total, there is no remaining time
+    ahead = iter([600.0, 595.0, 300.0])
+    now[0] = 0.0
+    with progress.Progress().task("recordings", 9, lambda: next(ahead)) as advance:
+        for now[0] in (10.0, 1740.0):  # the first step says little of the pace
+            advance()
+    assert [line.split(", ")[-1] for line in capsys.readouterr().err.splitlines()[:2]] == ["11 min left", "25 min left"]
