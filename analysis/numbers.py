@@ -9,6 +9,7 @@ import argparse
 import csv
 import re
 import sys
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -31,9 +32,12 @@ class Number(NamedTuple):
 
 
 def tables(folder: Path = RESULTS) -> dict[str, set[float]]:
-    """Return all numbers of each committed table."""
-    rows = {file.stem: list(csv.reader(file.read_text(encoding="utf-8").splitlines())) for file in folder.glob("*.csv")}
-    return {name: {value for row in of_table for cell in row for value in _values(cell)} for name, of_table in rows.items()}
+    """Return all numbers of each committed table, those of the registered draws included."""
+    known = defaultdict(set)
+    for file in [*folder.glob("*.csv"), *folder.glob("registered/*.csv")]:
+        with file.open(encoding="utf-8", newline="") as stream:
+            known[file.stem] |= {value for row in csv.reader(stream) for cell in row for value in _values(cell)}
+    return known
 
 
 def missing(text: str, known: dict[str, set[float]]) -> list[Number]:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from analysis.pages.template import ROOT, filled
+from analysis.pages.template import ROOT, filled, verdicts
 
 PAGE = ROOT / "docs" / "findings.md"
 TEMPLATE = Path(__file__).with_name("findings_template.md")
@@ -10,4 +10,4 @@ TEMPLATE = Path(__file__).with_name("findings_template.md")
 
 def text() -> str:
     """Return the page as Markdown."""
-    return filled(TEMPLATE.read_text(encoding="utf-8"))
+    return filled(TEMPLATE.read_text(encoding="utf-8"), counts=verdicts("registered/headline"))

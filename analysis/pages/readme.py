@@ -11,9 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from analysis.pages import paper_tables
-from analysis.pages.template import ROOT, committed, filled
+from analysis.pages.template import ROOT, committed, filled, verdicts
 from radartwin.io import files
-from radartwin.runs.experiment import VERDICTS
 
 PAGE, FIGURES = ROOT / "README.md", ROOT / "docs" / "figures"
 TEMPLATE = Path(__file__).with_name("readme_template.md")
@@ -23,10 +22,7 @@ TRAINING = {"(i)": "none", "(ii)": "a corner reflector", "(iii)": "a few labels"
 
 def text() -> str:
     """Return README.md with the results of the committed tables."""
-    verdicts = committed("headline")["verdict"]
-    counts = [f"{(verdicts == verdict).sum()} {'are ' if verdict == VERDICTS[0] else ''}{verdict}" for verdict in VERDICTS]
-    again = f"{(verdicts == '').sum()} to be judged again in version 1.1"
-    part = filled(TEMPLATE.read_text(encoding="utf-8"), table_3=table_3(), counts=f"{', '.join(counts)} and {again}")
+    part = filled(TEMPLATE.read_text(encoding="utf-8"), table_3=table_3(), counts=verdicts("registered/headline"))
     page, number = PART.subn(lambda _: part, PAGE.read_text(encoding="utf-8"))
     if number != 1:
         raise ValueError(f"{PAGE}: {number} sections 'How accurate is it?' end before a section 'Licence', not one; restore both headings")

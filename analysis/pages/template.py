@@ -9,12 +9,15 @@ value stands for an empty cell or a column that the table lacks. In a line, the 
 
 import functools
 import textwrap
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import jinja2
 import pandas as pd
+
+from radartwin.runs.experiment import VERDICTS
 
 ROOT = Path(__file__).resolve().parents[2]
 RESULTS = ROOT / "docs" / "results"
@@ -52,6 +55,13 @@ def committed(table: str, folder: Path = RESULTS) -> pd.DataFrame:
     return pd.read_csv(file, dtype=str, keep_default_na=False)
 
 
+def verdicts(table: str) -> str:
+    """Return how many claims of a committed table have each verdict, such as "9 are supported, 2 undecided"."""
+    counts = Counter(committed(table)["verdict"])
+    told = [f"{counts[verdict]} {verdict}" for verdict in VERDICTS if counts[verdict]]
+    return ", ".join(told).replace(" ", " are ", 1)
+
+
 def number(text: str | float) -> str:
     """Return a number with two decimals, with fewer if it is large, and with one significant digit if it is small. Words stay."""
     if isinstance(text, str):
@@ -60,7 +70,7 @@ def number(text: str | float) -> str:
         except ValueError:
             return text.replace("|", "/")
     size = abs(text)
-    return f"{text:.1g}" if 0 < size < 0.005 else f"{text:.{2 if size < 10 else 1 if size < 100 else 0}f}"
+    return f"{text:.1g}" if 1e-9 < size < 0.005 else f"{text:.{2 if size < 10 else 1 if size < 100 else 0}f}"
 
 
 def interval(row: Row) -> str:

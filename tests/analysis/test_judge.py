@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from analysis import judge
+from analysis.pages.template import RESULTS
 
 HEAD = "claim,bound,direction,null,margin,reason,limit,value,low,high,verdict\n"
 ROWS = {
@@ -21,8 +22,9 @@ ROWS = {
 }
 
 
-def test_the_committed_verdicts_follow_from_their_rows(capsys: pytest.CaptureFixture[str]) -> None:
-    assert judge.main([]) == 0
+@pytest.mark.parametrize("folder", [RESULTS, RESULTS / "registered"])
+def test_the_committed_verdicts_follow_from_their_rows(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert judge.main([str(folder)]) == 0
     assert "supported" in capsys.readouterr().out
 
 

@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 from fake_campaign import FakeCampaign, config, frame_of
 
+from analysis.pages.template import RESULTS
+from analysis.tables import to_csv
 from experiments import cells
 from experiments.campaign.frame import Frame
 from experiments.gaps import headline, registration
 from experiments.rover import rover_fidelity
 from experiments.turntable import turntable_material, turntable_shape
 from radartwin.config.compose import compose
+from radartwin.config.config import Config
 from radartwin.errors import InputError
+from radartwin.runs.experiment import Result
+from radartwin.runs.run import run_key
 
 REGISTERED = {one[registration.TEXT]: one for one in registration.claims()}
 
@@ -69,7 +76,7 @@ def test_a_table_is_compared_with_the_registered_claims(
 
 def test_the_committed_registration_states_the_present_claims() -> None:
     """The hash is that of 2026-11-29, before the draws 100 to 109 were simulated."""
-    path = Path(__file__).parents[2] / "docs/registration.json"
+    path = RESULTS.parent / "registration.json"
     assert registration.read(path) == list(REGISTERED.values())
     assert json.loads(path.read_text())["sha256"] == "1f1cc3f86090cb982417a6c806485edb78dc267c25cb1df1e4d66f63f4ad70f3"
 
@@ -117,6 +124,22 @@ def test_a_row_that_some_registered_draws_lack_is_exploratory() -> None:
     settings = compose(["experiment=headline", "profile=paper", "profile.campaign.first_draw=100"])
     assert headline.evidence(settings, False, 10) == "draws 100 to 109, registered"
     assert headline.evidence(settings, False, 9) == "draws 100 to 109, exploratory"
+
+
+def test_the_registered_headline_follows_from_the_registered_tables(capsys: pytest.CaptureFixture[str]) -> None:
+    folder, settings = RESULTS / "registered", compose(["experiment=headline", *headline.REGISTERED_PROFILE])
+    names = {run_key(one): name for (strength, name), one in headline.tables(settings).items() if strength == headline.WHOLE}
+
+    def committed(of: Config) -> Result:
+        if (key := run_key(of)) not in names:  # other strengths of the testbed, which no registered claim compares
+            return Result(of.experiment.name, [])
+        rows = pd.read_csv(folder / f"{names[key]}.csv").astype(object)
+        return Result(names[key], rows.where(rows.notna(), None).to_dict("records"))
+
+    written = pd.read_csv(io.StringIO(to_csv(headline.score(settings, committed).rows)))
+    pd.testing.assert_frame_equal(written, pd.read_csv(folder / "headline.csv"), check_dtype=False, rtol=1e-9)
+    assert registration.main(["check", str(RESULTS.parent / "registration.json"), str(folder / "headline.csv")]) == 0
+    assert "states the claims" in capsys.readouterr().out
 
 
 def test_a_registration_is_never_replaced(written: Path, capsys: pytest.CaptureFixture[str]) -> None:
