@@ -47,17 +47,16 @@ class Progress:
         if self._quiet:
             yield lambda: None
             return
-        done, started, work = 0, time.monotonic(), remaining() if remaining else total
+        done, started, work = 0, time.monotonic(), remaining() if remaining else total or 0
         with (_bar if self._terminal else _lines)(f"{self._label}{label}", work) as show:
 
             def advance() -> None:
                 nonlocal done
                 done += 1
-                ahead = remaining() if remaining else total - done if total else None
-                trust, left = TRUST_S if remaining else 0.0, ""
-                if work is not None and ahead is not None:
-                    left = f", {_duration(ahead * (time.monotonic() - started + trust) / (work - ahead + trust))} left"
-                show(f"{done}{f'/{total}' if total else ''}{left}", done if ahead is None or work is None else work - ahead)
+                ahead, trust = (remaining(), TRUST_S) if remaining else (work - done, 0.0)
+                pace = (time.monotonic() - started + trust) / (work - ahead + trust)
+                left = f", {_duration(ahead * pace)} left" if work else ""
+                show(f"{done}{f'/{total}' if total else ''}{left}", work - ahead)
 
             yield advance
         if not self._terminal:
@@ -65,7 +64,7 @@ class Progress:
 
 
 @contextlib.contextmanager
-def _lines(label: str, work: float | None) -> Iterator[Callable[[str, float], None]]:
+def _lines(label: str, work: float) -> Iterator[Callable[[str, float], None]]:
     last = time.monotonic()
 
     def show(told: str, completed: float) -> None:
@@ -87,12 +86,12 @@ def _duration(seconds: float) -> str:
 
 
 @contextlib.contextmanager
-def _bar(label: str, work: float | None) -> Iterator[Callable[[str, float], None]]:
+def _bar(label: str, work: float) -> Iterator[Callable[[str, float], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
 
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[told]}")
     with Bar(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task(label, total=work, told="")
+        task = bar.add_task(label, total=work or None, told="")
         yield lambda told, completed: bar.update(task, completed=completed, told=told)

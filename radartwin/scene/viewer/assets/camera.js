@@ -26,17 +26,18 @@ class Camera {
   }
 
   overview() {
-    Object.assign(this, { target: [...this.middle], azimuth: -2.05, elevation: 0.72, fov: 0.62, fitted: true });
+    Object.assign(this, { target: [...this.middle], azimuth: -2.05, elevation: 0.72, fov: 0.62 });
     this.fit();
   }
 
   top() {
-    Object.assign(this, { target: [...this.middle], azimuth: -Math.PI / 2, elevation: Math.PI / 2 - 1e-3, fov: 0.5, fitted: true });
+    Object.assign(this, { target: [...this.middle], azimuth: -Math.PI / 2, elevation: Math.PI / 2 - 1e-3, fov: 0.5 });
     this.fit();
   }
 
   /** Increase the distance until the scene fits into the part of the window beside the panel. */
   fit() {
+    this.fitted = true;
     this.distance = 0.05 * this.size;
     const corners = [];
     for (let k = 0; k < 8; k++) corners.push([0, 1, 2].map((a) => (k & (1 << a) ? this.high : this.low)[a]));
