@@ -391,7 +391,7 @@ class FlatRoom:
             every.chain.shape[1], q, walls, poses[:, :3, :3] @ field.NUDGE / self.wavenumber, every.count, every.chain, every.edge,
             *map(np.ascontiguousarray, (pose, which, poses[:, :3, 3], poses[:, :3, 2])), least, margin,
         )  # fmt: skip
-        shared_out(field.evaluate, n, *arguments, *values, pieces=16)
+        shared_out(field.evaluate, n, *arguments, *values, pieces=16, grain=1024)
         return np.flatnonzero(values[1][:, 0] > 0), values
 
     def _evaluated(
