@@ -7,18 +7,21 @@ computation imports, and the versions of NUMERICAL. Comments, docstrings, format
 from __future__ import annotations
 
 import ast
+import contextlib
 import dataclasses
 import functools
 import hashlib
 import importlib.metadata
 import json
 import math
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from radartwin import source_files
-from radartwin.errors import ConfigError, MissingError
+from radartwin.errors import ConfigError, MissingError, OutputError
+from radartwin.io import files
 
 if TYPE_CHECKING:
     import numpy as np
@@ -111,7 +114,11 @@ def _source_digest(entries: tuple[str, ...]) -> str:
             raise ConfigError(f"there is no module or package '{entry}'")
     packages = sorted({".".join(name.split(".")[:2]) for name in source_files.closure(entries)})
     modules = sorted({name for package in packages for name in source_files.members(package)})
+    count = len(_known())
     parts = [f"{name} {_code_digest(name)}\n" for name in modules]
+    if len(_known()) > count:
+        with contextlib.suppress(OSError, OutputError):  # in a folder that cannot be written, every process computes the digests
+            files.write_atomically(files.make_folder(KNOWN.parent) / KNOWN.name, json.dumps(_known()))
     parts += [_data_digest(package) for package in packages]
     parts += [f"{name} {_version(name)}\n" for name in NUMERICAL]
     return hashlib.sha256("".join(parts).encode()).hexdigest()
@@ -119,8 +126,25 @@ def _source_digest(entries: tuple[str, ...]) -> str:
 
 @functools.cache
 def _code_digest(name: str) -> str:
-    """Return the digest of a module's syntax tree without docstrings."""
-    tree = ast.parse(source_files.text(name))
+    """Return the digest of a module's syntax tree without docstrings. The file KNOWN keeps it, because those of all modules take 3 s."""
+    text = source_files.text(name)
+    content = hashlib.sha256(text.encode()).hexdigest()
+    if content not in _known():
+        _known()[content] = _tree_digest(text)
+    return _known()[content]
+
+
+@functools.cache
+def _known() -> dict[str, str]:
+    """Return the digests of the syntax trees of source files by the digests of their contents."""
+    try:
+        return json.loads(KNOWN.read_text())
+    except (OSError, ValueError):
+        return {}
+
+
+def _tree_digest(text: str) -> str:
+    tree = ast.parse(text)
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) and ast.get_docstring(node) is not None:
             node.body = node.body[1:]
@@ -155,10 +179,11 @@ def include(top: str) -> None:
 def forget() -> None:
     """Forget all source code that has been read, so that the next digest reads the files again."""
     source_files.forget()
-    for function in (_source_digest, _code_digest, _data_digest, _version):
+    for function in (_source_digest, _code_digest, _known, _data_digest, _version):
         function.cache_clear()
 
 
+KNOWN = Path(__file__).parent / "__pycache__" / f"{sys.implementation.cache_tag}.digests"  # no suffix of DATA, because it would count
 DATA = (".csv", ".json", ".npz", ".yaml")  # suffixes of data files
 WRITTEN = "bench_history.csv"  # `make bench` adds lines to this file, and no result depends on the file
 # Installed packages whose functions compute the stored numbers

@@ -108,6 +108,21 @@ def test_code_and_data_files_of_whole_packages_count(package: Path, file: str, c
     assert (source_digest("study_x.top") != before) == changes
 
 
+def test_a_file_keeps_the_digests_of_source_files_for_other_processes(
+    package: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source_digest("radartwin.store")
+    assert not digest.KNOWN.exists() or digest.KNOWN.name not in digest._data_digest("radartwin.store"), "it would change the digest"
+    monkeypatch.setattr(digest, "KNOWN", tmp_path / "kept" / "digests")
+    before = source_digest("study_x.top")
+    (tmp_path / "kept").rename(tmp_path / "a")
+    (tmp_path / "kept").touch()  # a folder that cannot be made
+    assert source_digest("study_x.top") == before
+    monkeypatch.setattr(digest, "KNOWN", tmp_path / "a" / "digests")
+    monkeypatch.setattr(digest, "_tree_digest", None)
+    assert source_digest("study_x.top") == before
+
+
 def test_a_package_as_entry_stands_for_all_its_modules(package: Path) -> None:
     assert source_digest("study_x.near") == source_digest("study_x.near.leaf")
     (package / "near" / "neighbour.py").write_text("import study_x.far.stranger\n")
