@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import copy
 import dataclasses
+import functools
 import itertools
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -195,6 +196,7 @@ def _search_path(config_dirs: Sequence[Path]) -> list[str]:
     return [f"hydra.searchpath=[{','.join(folders)}]"] if folders else []
 
 
+@functools.cache
 def _register_schemas() -> None:
     from hydra.core.config_store import ConfigStore
     from hydra.core.plugins import Plugins
