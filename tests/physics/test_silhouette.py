@@ -26,8 +26,9 @@ def skin(*meshes):
 
 def outline(body, viewer):
     """Return the edges (N, 2, 3) of the outline of a body."""
-    out = np.empty((silhouette.MAX_SEGMENTS, 2, 3))
-    return out[: silhouette.outline(body, np.array(viewer, float), K, out)]
+    out, count = np.empty((1, silhouette.MAX_SEGMENTS, 2, 3)), np.zeros(1, int)
+    shadows._outlines(0, 1, body, np.array([viewer], float), K, out, count)
+    return out[0, : count[0]]
 
 
 def area(body, distance):
