@@ -81,16 +81,16 @@ def chain_quadrature(panels: Sequence[ArrayLike], sensor: ArrayLike, wavelength:
         if _area(triangle) < EMPTY_M2:
             continue
         u, weight_u, v, weight_v = _rule(triangle, source, target, wavelength)
+        a, b, c = triangle[..., None, None]
         for rows in np.array_split(np.arange(len(u)), -(-len(u) * len(v) // MOST_POINTS)):
-            points = triangle[0] + u[rows, None, None] * (triangle[1] - triangle[0] + v[:, None] * (triangle[2] - triangle[1]))
-            rays = np.stack([points - source, target - points])
-            lengths = np.sqrt(_dot(rays, rays))
-            inward, outward = rays / lengths[..., None]
-            field, reception = _across(inward @ mirror) @ field_map.T, _across(outward)
+            points = a + u[rows, None] * (b - a + v * (c - b))
+            inward, first = _unit(points - source[:, None, None])
+            outward, second = _unit(target[:, None, None] - points)
+            field, reception = _turned(field_map, _across(_turned(mirror.T, inward))), _across(outward)
             # P . (n x (k x E)) = (P . k)(n . E) - (P . E)(n . k)
-            value = _dot(reception, inward) * (field @ lit) - _dot(reception, field) * (inward @ lit)
-            value = value / lengths.prod(axis=0) * np.exp(2j * np.pi / wavelength * lengths.sum(axis=0))
-            total += 2 * _area(triangle) * ((weight_u * u)[rows] @ value @ weight_v)
+            value = _dot(reception, inward) * _turned(lit, field) - _dot(reception, field) * _turned(lit, inward)
+            value = value / (first * second) * np.exp(2j * np.pi / wavelength * (first + second))
+            total += 2 * _area(triangle) * np.einsum("u,uv,v", (weight_u * u)[rows], value, weight_v)
     if not np.isfinite(total):
         raise ValueError("a ray runs along AXIS, where its polarisation has no direction; move the sensor or the receiver")
     return complex(1j / (4 * np.pi) * total)
@@ -189,11 +189,20 @@ def _rule(triangle: np.ndarray, source: np.ndarray, target: np.ndarray, waveleng
 
 
 def _across(ray: np.ndarray) -> np.ndarray:
-    """Return the unit vectors of the polarisation AXIS across rays (..., 3); NaN for a ray along AXIS."""
-    vector = AXIS - (ray @ AXIS)[..., None] * ray
+    """Return the unit vectors (3, ...) of the polarisation AXIS across rays (3, ...); NaN for a ray along AXIS."""
     with np.errstate(invalid="ignore"):
-        return vector / np.sqrt(_dot(vector, vector))[..., None]
+        return _unit(AXIS[:, None, None] - _turned(AXIS, ray) * ray)[0]
+
+
+def _unit(vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the directions (3, ...) and the lengths of vectors (3, ...)."""
+    length = np.sqrt(_dot(vectors, vectors))
+    return vectors / length, length
+
+
+def _turned(matrix: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    return np.tensordot(matrix, vectors, 1)
 
 
 def _dot(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    return np.einsum("...c,...c", first, second)
+    return np.einsum("c...,c...", first, second)
