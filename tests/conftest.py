@@ -15,6 +15,9 @@ ROOT = Path(__file__).resolve().parent.parent
 # Processes that a test starts inherit ignored signals. A suite that runs under `nohup` tests the end by SIGHUP too.
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
+# Two test processes share the cores, and threads of BLAS would wait for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # No telemetry and no look-up leaves a test, whichever module imports mlflow first.
 os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 

@@ -19,6 +19,8 @@ from multiprocessing import connection
 from multiprocessing.util import Finalize
 from typing import Any
 
+from threadpoolctl import threadpool_limits
+
 from radartwin.compiled import share_cores, sharers
 from radartwin.io.one_line import show_warning
 
@@ -26,6 +28,7 @@ __all__ = ["BrokenProcessPool", "ProcessPool", "finished", "in_worker"]
 
 ENDS_WITHIN_S = 5.0  # time that a worker has to remove its temporary files
 _in_worker = False
+_crowded = False  # whether several workers share the processor cores
 _busy: Any = None  # in a worker, the number of workers of its pool that compute a call
 
 
@@ -44,7 +47,7 @@ class ProcessPool:
     ) -> None:
         self.size, self._import_main = size, import_main
         context = multiprocessing.get_context("spawn")
-        self._executor = ProcessPoolExecutor(size, context, _start, (context.Value("i", 0), beside * sharers(), nested, prepare))
+        self._executor = ProcessPoolExecutor(size, context, _start, (context.Value("i", 0), size, beside * sharers(), nested, prepare))
 
     @property
     def pids(self) -> set[int]:
@@ -96,9 +99,9 @@ def _without_main() -> Iterator[None]:
         vars(main).update(hidden)
 
 
-def _start(busy: Any, others: int, nested: bool, prepare: Callable[[], object] | None) -> None:
-    global _in_worker, _busy
-    _in_worker, _busy = not nested, busy
+def _start(busy: Any, size: int, others: int, nested: bool, prepare: Callable[[], object] | None) -> None:
+    global _in_worker, _busy, _crowded
+    _in_worker, _busy, _crowded = not nested, busy, size * others > 1
     share_cores(lambda: busy.value * others)
     warnings.showwarning = show_warning
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a worker ignores Ctrl-C, because the parent process ends its workers
@@ -124,7 +127,9 @@ def _call(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
     try:
         with _busy.get_lock():
             _busy.value += 1
-        return function(*arguments)
+        # on busy cores, threads of BLAS wait for each other: a product of 10,000 numbers took 11 ms
+        with threadpool_limits(1, "blas") if _crowded else contextlib.nullcontext():
+            return function(*arguments)
     except SystemExit:  # raised on SIGTERM; the executor would treat it as an error of the call and continue
         os._exit(1)
     finally:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from processes import ROOT, runs, started, wait_until
+from threadpoolctl import threadpool_info
 
 from radartwin.compiled import cores
 from radartwin.io import process_pool
@@ -50,6 +51,10 @@ def cores_beside(others: int, folder: Path) -> int:
     count = cores()
     together("counted")
     return count
+
+
+def blas_threads() -> set[int]:
+    return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
 
 
 def mark() -> None:
@@ -138,3 +143,13 @@ def test_a_script_without_main_guard_can_use_a_pool_that_does_not_import_it(tmp_
     (tmp_path / "plain.py").write_text(PLAIN)
     said, complained = started([sys.executable, str(tmp_path / "plain.py")], tmp_path).communicate(timeout=60)
     assert said == f"4 {tmp_path / 'plain.py'}\n", complained
+
+
+def test_blas_has_one_thread_in_workers_that_share_the_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
+    for size, threads in ((1, 2), (2, 1)):
+        pool = ProcessPool(size)
+        try:
+            assert pool.submit(blas_threads).result() == {threads}
+        finally:
+            pool.end()
