@@ -117,8 +117,8 @@ def _source_digest(entries: tuple[str, ...]) -> str:
     count = len(_known())
     parts = [f"{name} {_code_digest(name)}\n" for name in modules]
     if len(_known()) > count:
-        with contextlib.suppress(OSError, OutputError):  # in a folder that cannot be written, every process computes the digests
-            files.write_atomically(files.make_folder(KNOWN.parent) / KNOWN.name, json.dumps(_known()))
+        with contextlib.suppress(OutputError):  # if the folder cannot be written, every process computes the digests
+            files.write_atomically(KNOWN, json.dumps(_known()))
     parts += [_data_digest(package) for package in packages]
     parts += [f"{name} {_version(name)}\n" for name in NUMERICAL]
     return hashlib.sha256("".join(parts).encode()).hexdigest()
@@ -126,7 +126,7 @@ def _source_digest(entries: tuple[str, ...]) -> str:
 
 @functools.cache
 def _code_digest(name: str) -> str:
-    """Return the digest of a module's syntax tree without docstrings. The file KNOWN keeps it, because those of all modules take 3 s."""
+    """Return the digest of a module's syntax tree without docstrings. The file KNOWN keeps it, because those of all modules take 2 s."""
     text = source_files.text(name)
     content = hashlib.sha256(text.encode()).hexdigest()
     if content not in _known():
@@ -183,7 +183,8 @@ def forget() -> None:
         function.cache_clear()
 
 
-KNOWN = Path(__file__).parent / "__pycache__" / f"{sys.implementation.cache_tag}.digests"  # no suffix of DATA, because it would count
+# Another Python or another version of this module has a file of its own. The suffix is none of DATA, because the file would count.
+KNOWN = Path(__file__).parent / "__pycache__" / f"{sys.implementation.cache_tag}-{path_digest(Path(__file__))[:8]}.digests"
 DATA = (".csv", ".json", ".npz", ".yaml")  # suffixes of data files
 WRITTEN = "bench_history.csv"  # `make bench` adds lines to this file, and no result depends on the file
 # Installed packages whose functions compute the stored numbers

@@ -70,6 +70,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / f"{name}.py").write_text(source)
     monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(digest, "KNOWN", tmp_path / "kept" / "digests")
     digest.include("study_x")
     digest.forget()
     return folder
@@ -108,17 +109,18 @@ def test_code_and_data_files_of_whole_packages_count(package: Path, file: str, c
     assert (source_digest("study_x.top") != before) == changes
 
 
-def test_a_file_keeps_the_digests_of_source_files_for_other_processes(
-    package: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_file_of_digests_counts_in_no_digest() -> None:
     source_digest("radartwin.store")
-    assert not digest.KNOWN.exists() or digest.KNOWN.name not in digest._data_digest("radartwin.store"), "it would change the digest"
-    monkeypatch.setattr(digest, "KNOWN", tmp_path / "kept" / "digests")
+    assert digest.KNOWN.exists()
+    assert digest.KNOWN.name not in digest._data_digest("radartwin.store")
+
+
+def test_a_file_keeps_the_digests_of_source_files_for_other_processes(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = source_digest("study_x.top")
-    (tmp_path / "kept").rename(tmp_path / "a")
-    (tmp_path / "kept").touch()  # a folder that cannot be made
+    kept = digest.KNOWN.parent.rename(digest.KNOWN.parent.with_name("a"))
+    digest.KNOWN.parent.touch()  # a folder that cannot be made
     assert source_digest("study_x.top") == before
-    monkeypatch.setattr(digest, "KNOWN", tmp_path / "a" / "digests")
+    monkeypatch.setattr(digest, "KNOWN", kept / digest.KNOWN.name)
     monkeypatch.setattr(digest, "_tree_digest", None)
     assert source_digest("study_x.top") == before
 
