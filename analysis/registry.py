@@ -14,7 +14,7 @@ NAMES = (  # names of the experiments; each has a file conf/experiment/NAME.yaml
     "reality", "validation", "angle_resolution", "backend_crosscheck", "speed_accuracy", "growth", "stability", "complexity",
     "campaign", "scan", "labels", "gallery", "gaps", "gap_attribution",
     "turntable_shape", "turntable_material", "turntable_size", "linear_rail", "environment",
-    "rover_fidelity", "rover_disentangle", "point_clouds", "corner_reflector_calibration", "sensitivity",
+    "rover_fidelity", "rover_disentangle", "point_clouds", "corner_reflector_calibration",
     "labelled_probe", "many_objects", "simulation_parts", "encoder_comparison", "randomisation_ablation", "unlabelled_adaptation",
     "turntable_label_free", "contrastive", "rover_recognition",
     "reconstruction_ablation", "material_errors", "headline", "positioning",
@@ -23,7 +23,7 @@ NAMES = (  # names of the experiments; each has a file conf/experiment/NAME.yaml
 # Slow tables, by name: the profiles in which `radartwin tables` makes the table only if --only names it.
 ON_REQUEST = {
     "scan": ("quick",), "gaps": ("quick",), "many_objects": ("quick",), "simulation_parts": ("quick",),
-    "randomisation_ablation": ("quick",), "sensitivity": ("quick", "paper"),
+    "randomisation_ablation": ("quick",),
 }  # fmt: skip
 
 # Printed under every table file that is scored against the testbed.

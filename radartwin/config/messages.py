@@ -14,6 +14,7 @@ from radartwin.config.plugged import GROUPS
 
 GONE = {  # keys and options of version 1.0 that are no longer known, and what to write in their place
     "experiment/baselines": "experiment=stability has rows of RF-Genesis",
+    "experiment/sensitivity": "sweep over the settings, as in radartwin run -m experiment=turntable_shape simulator.max_bounces=1,2,4",
     "materials.among": "leave it out, because wrong labels are categories of the room",
     "materials.concurrency": "write radartwin label --concurrency",
     "materials.provider": "write radartwin label --provider",

@@ -24,7 +24,6 @@ REFUSED: list[tuple[str, str, str]] = [
     *((name, "measured.gap.clutter=0", "leave measured.gap out") for name in ("gaps", "gap_attribution")),
     ("gaps", "materials=vlm", "leave materials=vlm out"),
     ("gap_attribution", "materials=void", "leave materials=void out"),
-    ("sensitivity", "materials=void", "materials=void is one of the settings"),
     ("scan", "profile.scan_strengths=[0]", "scan_strengths"),
     ("campaign_part", "experiment.part=4 experiment.parts=4", "experiment.part=4 does not exist; parts are 0 to 3"),
     ("headline", "profile.strengths=[0]", "strengths"),
