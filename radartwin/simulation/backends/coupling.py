@@ -54,7 +54,6 @@ BISTATIC = 4.0  # assumed largest ratio of an object's bistatic to its monostati
 def group_paths(
     settings: TraceSettings, group: Target, room: FlatRoom | None, radar: Radar, sensor_poses: np.ndarray, object_poses: np.ndarray, *,
     least: np.ndarray | None = None, ball: tuple[np.ndarray, float] | None = None, prune: float = PRUNE, direct: bool = True,
-    sharp_only: bool = False,
 ) -> list[Paths]:  # fmt: skip
     """Return the direct paths of an object, and its paths with the room.
 
@@ -67,7 +66,18 @@ def group_paths(
         ball: centre (3,) and radius in metres of a ball that contains the object in every frame. Legs are searched for the ball and cached.
         prune: paths whose amplitude is below this times the strongest path of their pose are dropped.
         direct: whether to return the direct paths. If False, they only give the level relative to which the other paths are pruned.
-        sharp_only: whether to trace only the pairs with a sharp leg, by ray tubes also if all faces of the object are flat.
+    """
+    alone, over = _found(settings, group, room, radar, sensor_poses, object_poses, least, ball, prune, direct)
+    return [Paths.concatenate(alone), Paths.concatenate(over or [alone[0].where(slice(0))])]
+
+
+def _found(
+    settings: TraceSettings, group: Target, room: FlatRoom | None, radar: Radar, sensor_poses: np.ndarray, object_poses: np.ndarray,
+    least: np.ndarray | None, ball: tuple[np.ndarray, float] | None, prune: float, direct: bool, sharp_only: bool = False,
+    known: tuple[Legs, np.ndarray] | None = None,
+) -> tuple[list[Paths], list[Paths]]:  # fmt: skip
+    """Return the parts of the direct paths and of those with the room; arguments as in `group_paths`. `sharp_only` traces only the pairs
+    with a sharp leg, by ray tubes also if all faces of the object are flat. `known` is the result of `_legs`, if the caller has it.
     """
     body, frames, density = None if sharp_only else polygons.of(*group), len(sensor_poses), settings.coupled_rays_per_wavelength2
     group = group if body is None else Target(group.geometry, polygons.with_nodes(group.table, radar))
@@ -93,15 +103,16 @@ def group_paths(
 
     # 2. Choice: the legs, and the pairs of legs whose field exceeds the share.
     coupled = room is not None and settings.coupling and bool(room.usable.any()) and bool((share < 1).any())
-    legs, place = _legs(room, group, sensor_poses, object_poses, ball, settings.max_bounces - 1 if coupled else 0, float(share.min()))
+    longest = settings.max_bounces - 1 if coupled else 0
+    legs, place = known or _legs(room, group, sensor_poses, object_poses, ball, longest, float(share.min()))
     pairs = _Pairs.of(legs, *_strong_pairs(legs, place, settings.max_bounces, share), sensor_poses, object_poses, radar)
     sharp: list[Paths] = []
     if body is None:
         pairs = pairs.where(~(close[pairs.frame] | pairs.near(group)) & (pairs.sharp | (not sharp_only)))
     elif pairs.sharp.any():  # the integrals along the sides of a polygon assume that the field is smooth over it
         pairs = pairs.where(~pairs.sharp | alone.near(group)[pairs.frame] | pairs.near(group))
-        more = {"least": least, "ball": ball, "prune": prune, "direct": False, "sharp_only": True}
-        sharp = group_paths(settings, group, room, radar, sensor_poses, object_poses, **more)[1:]
+        same = (legs, place) if least is None else None  # the tubes' level gives another share
+        sharp = _found(settings, group, room, radar, sensor_poses, object_poses, least, ball, prune, False, True, same)[1]
 
     # 3. Trace: a path counts if its field is not too weak beside the strongest one of its pose.
     straight = replace(alone, legs=legs, place=place)
@@ -138,8 +149,7 @@ def group_paths(
     for first, cross, mask in zip(firsts, crosses, strong_masks(parts, radar, prune), strict=True):
         keep = np.flatnonzero(mask)
         kept.append(_both_ways(parts.pop(0).where(keep), first[keep], cross[keep]))
-    over = [*sharp, *(part for both in kept[1:] for part in both)]
-    return [Paths.concatenate(kept[0]), Paths.concatenate(over or [kept[0][0].where(slice(0))])]
+    return kept[0], [*sharp, *(part for both in kept[1:] for part in both)]
 
 
 def shadows_of_movers(

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from cachetools import LRUCache
 
 from radartwin.compiled import compiled, each, fixed, innermost, shared_out
 from radartwin.simulation.flat.field import NUDGE, Walls, contains, image, images_of, polarised, travelled
@@ -47,6 +48,11 @@ ROUNDED = 0.3  # the centre of the ball about an object may lie this far from th
 UNDISTURBED = 1e-3  # a direct leg whose field changes by at most this needs no weight
 KEPT = 64  # number of cache entries, each for a few places
 _kept: "Recent[tuple[FlatRoom, Legs]]" = Recent(KEPT)  # an entry also holds the room, so that no other room gets its id
+# The places at which the sharp fields of a grid of n^3 places are evaluated, by the id of the legs, and place * G + leg: the legs, so that
+# no others get the id, the row (n^3,) of each place, -1 for none, and the fields (K, Q) of the rows.
+_evaluated: "LRUCache[tuple[int, int], tuple[Legs, np.ndarray, np.ndarray]]" = LRUCache(
+    1_500_000_000, getsizeof=lambda entry: entry[1].nbytes + entry[2].nbytes
+)
 
 
 @dataclass(frozen=True)
@@ -87,11 +93,6 @@ class Legs:
         """Return whether a direct leg differs from an undisturbed line."""
         return any(np.abs(values - 1).max() > UNDISTURBED for (_, leg), values in self.carried.items() if leg == DIRECT)
 
-    @cached_property
-    def _filled(self) -> dict[int, np.ndarray]:
-        """Return the grids (n, n, n, Q) of sharp fields, nan where not evaluated, by place * G + leg. It is empty if U is not 1."""
-        return {}
-
     def weigh(self, amplitude: np.ndarray, place: np.ndarray, leg: np.ndarray, point: np.ndarray) -> None:
         """Multiply amplitudes (N, Q) in place by the fields of legs (N,) at points (N, 3) in the world."""
         code, sharp = place * len(self.order) + leg, self.sharp[place, leg] > 0
@@ -99,43 +100,47 @@ class Legs:
         if sharp.any():
             groups = [np.flatnonzero(~sharp), *(np.flatnonzero(code == key) for key in np.unique(code[sharp]))]
         for rows in groups:
-            codes = np.flatnonzero(np.bincount(code[rows]))
+            codes, points = np.flatnonzero(np.bincount(code[rows])), np.ascontiguousarray(point[rows])
             number = np.zeros(codes[-1] + 1 if len(codes) else 0, int)
             number[codes] = np.arange(len(codes))
-            fields = [self._field(int(key), point[rows]) for key in codes]
-            side = np.array([0 if field is None else len(field) for field in fields], int)
-            first = np.cumsum([0, *side[:-1] ** 3])
-            values = np.concatenate([np.zeros((0, amplitude.shape[1])), *(f.reshape(-1, f.shape[3]) for f in fields if f is not None)])
-            grids = fixed(values.astype(complex, copy=False).view(float)), first, side, number[code[rows]], self.low, self.size
+            if sharp[rows].any():  # of one leg
+                side, row, values = self._sharp_field(int(codes[0]), points)
+                sides = np.array([side])
+            else:
+                fields = [self.carried.get(divmod(key, len(self.order))) for key in codes]
+                sides, row = np.array([0 if field is None else len(field) for field in fields], int), np.zeros(0, np.int32)
+                values = np.concatenate([np.zeros((0, amplitude.shape[1])), *(f.reshape(-1, f.shape[3]) for f in fields if f is not None)])
+            first = np.cumsum([0, *sides[:-1] ** 3])
+            grids = fixed(values.astype(complex, copy=False).view(float)), row, first, sides, number[code[rows]], self.low, self.size
             part = amplitude[rows]
-            shared_out(_weigh, len(part), *grids, place[rows], np.ascontiguousarray(point[rows]), part, grain=1000)
+            shared_out(_weigh, len(part), *grids, place[rows], points, part, grain=1000)
             if len(groups) > 1:  # `part` is a copy
                 amplitude[rows] = part
 
-    def _field(self, code: int, points: np.ndarray) -> np.ndarray | None:
-        """Return the field (n, n, n, Q) of a leg on a grid over the cube, valid beside the points (N, 3) if the field is sharp."""
-        place, leg = divmod(code, len(self.order))
-        if not self.sharp[place, leg]:
-            return self.carried.get((place, leg))
+    def _sharp_field(self, code: int, points: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
+        """Return the number n of places along a side of the grid of a sharp leg, the rows (n^3,) of the places beside the points (N, 3),
+        and their fields (K, Q).
+        """
         assert self.exact is not None
+        place, leg = divmod(code, len(self.order))
         side = int(np.clip(np.ceil(self.size / self.sharp[place, leg]), 4, MOST)) + 1
-        field = self._filled.get(code)
-        if field is None:
-            field = np.full((side, side, side, len(self.frequencies_hz)), np.nan + 0j)
-            if len(self.low) == 1:
-                self._filled[code] = field
+        new = self, np.full(side**3, -1, np.int32), np.zeros((0, len(self.frequencies_hz)), complex)
+        _, row, field = _evaluated.get((id(self), code), new)
         cell = np.minimum((np.clip((points - self.low[place]) / self.size, 0, 1) * (side - 1)).astype(int), side - 2)
-        near = np.zeros(field.shape[:3], bool)
+        near = np.zeros((side, side, side), bool)
         for corner in np.ndindex(2, 2, 2):
             near[tuple((cell + corner).T)] = True
-        node = np.nonzero(near & np.isnan(field[..., 0]))
-        field[node] = self.exact(place, leg, self.low[place] + np.stack(node, axis=1) * (self.size / (side - 1)))
-        return field
+        if len(missing := np.flatnonzero(near.ravel() & (row < 0))):
+            row[missing] = len(field) + np.arange(len(missing))
+            steps = np.stack(np.unravel_index(missing, near.shape), axis=1)
+            field = np.concatenate([field, self.exact(place, leg, self.low[place] + steps * (self.size / (side - 1)))])
+            _evaluated[id(self), code] = self, row, field
+        return side, row, field
 
 
 @compiled
 def _weigh(
-    begin: int, stop: int, values: np.ndarray, first: np.ndarray, sides: np.ndarray, number: np.ndarray, low: np.ndarray,
+    begin: int, stop: int, values: np.ndarray, rows: np.ndarray, first: np.ndarray, sides: np.ndarray, number: np.ndarray, low: np.ndarray,
     size: float, place: np.ndarray, point: np.ndarray, amplitude: np.ndarray,
 ) -> None:  # fmt: skip
     """Multiply the rows `begin` to `stop` - 1 of `amplitude` (N, Q) by the field of one of M legs.
@@ -143,8 +148,9 @@ def _weigh(
     The field is interpolated linearly at points (N, 3).
 
     Args:
-        values: (K, 2 Q) real and imaginary parts of the fields on the grids (side, side, side) of all legs, one after another. first,
-            sides: (M,) first row and side of each; a leg of side 0 has no field. number: (N,) leg of each row.
+        values: (K, 2 Q) real and imaginary parts of the fields on the grids (side, side, side) of all legs, one after another.
+        rows: row of each place of the grids in `values`; empty if `values` has a row for each place.
+        first, sides: (M,) first place and side of each grid; a leg of side 0 has no field. number: (N,) leg of each row.
         low, size: (U, 3) lowest corner and edge length of the cubes. place: (N,) cube of each row.
     """
     total = np.empty(values.shape[1])
@@ -163,6 +169,8 @@ def _weigh(
             a, b, c = corner & 1, (corner >> 1) & 1, corner >> 2
             weight = (x_share if a else 1 - x_share) * (y_share if b else 1 - y_share) * (z_share if c else 1 - z_share)
             row = first[number[i]] + ((x + a) * side + y + b) * side + z + c
+            if len(rows):
+                row = rows[row]
             for q in range(len(total)):
                 total[q] += weight * values[row, q]
         for q in range(amplitude.shape[1]):
