@@ -28,10 +28,12 @@ from radartwin.io.progress import Progress
 from radartwin.radar.recording import Recording
 from radartwin.runs import workers
 from radartwin.store import array_cache
+from radartwin.store.digest import spec_digest
 from radartwin.store.products import Product, Store
 
 Call = tuple[Any, ...]  # a function of a module, and its arguments
 CLEAN, PROCESSED = "clean", "processed"
+OF_TARGET = {"case", "course", "families", "limits", *truth.OF_TARGET}  # entries of a recording's specification that do not change the room
 
 
 class Campaign:
@@ -99,14 +101,15 @@ class Campaign:
         """Simulate the missing recordings among the (domain, case) pairs in config.jobs workers; `fresh` starts new workers."""
         make_together(self.missing(wanted), self.config.jobs, self.progress, fresh)
 
-    def missing(self, wanted: Iterable[tuple[str, Case]], clean: bool = False, setup: str = "") -> dict[str, RecordingTask]:
-        """Return {store key: task} of the simulated recordings that the store lacks; `clean` and `setup` become attributes of the tasks."""
+    def missing(self, wanted: Iterable[tuple[str, Case]], clean: bool = False) -> dict[str, RecordingTask]:
+        """Return {store key: task} of the simulated recordings that the store lacks; `clean` becomes an attribute of the tasks."""
         tasks = {}
         for domain, case in wanted:
             if self._recorded is None or domain != MEASURED:
                 spec, _, roots = self._clean(domain, case)
                 if not self.store.holds(CLEAN, spec, roots):
-                    tasks[self.store.key(CLEAN, spec, roots)] = RecordingTask(self.config, self.store.root, domain, case, clean, setup)
+                    key, setup = self.store.key(CLEAN, spec, roots), _setup(spec)
+                    tasks[key] = RecordingTask(self.config, self.store.root, domain, case, clean, setup)
         return tasks
 
     def plan(self) -> list[tuple[str, Case]]:
@@ -146,6 +149,12 @@ class Campaign:
     def _check(domain: str) -> None:
         if domain not in DOMAINS:
             raise InputError(f"campaign: unknown domain {domain!r}; choose {', '.join(DOMAINS)}")
+
+
+def _setup(spec: Mapping[str, Any]) -> str:
+    """Return a digest of those entries of a recording's specification that change the set-up of its track (path of the radar in a room)."""
+    room = {name: value for name, value in spec.items() if name not in OF_TARGET}
+    return spec_digest(room | {"gap": {name: value for name, value in spec.get("gap", {}).items() if name not in OF_TARGET}})
 
 
 def joined(task_sets: Iterable[Mapping[str, RecordingTask]]) -> dict[str, RecordingTask]:

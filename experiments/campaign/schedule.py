@@ -14,7 +14,7 @@ from experiments.campaign.cases import MEASURED, ROVER, TWIN, Case
 from experiments.scans import virtual_scan
 from radartwin.config.config import Config
 
-Track = tuple[str, str, str, str, int]  # name of the set-up, domain, room, motion, draw
+Track = tuple[str, str, str, str, int]  # set-up, domain, room, motion, draw
 # Processor time in seconds of a track's first recording, which includes the set-up, and of each further one, in the quick profile on
 # 2026-11-29 (two busy cores of an Intel Xeon). Only the ratios count, for the order of the tracks and the remaining time.
 SECONDS = {
@@ -34,23 +34,19 @@ class RecordingTask:
     domain: str
     case: Case
     clean: bool = False  # whether to make only the recording before receiver effects, not the processed recording
-    setup: str = ""  # name of a set-up that several configurations share; an empty name gives each configuration its own set-up
+    setup: str = ""  # equal for tasks with one room, radar and simulator, also of several configurations
 
 
 class Schedule:
     """Assign the missing recordings to workers, track by track (a track is the path of the radar in one room)."""
 
     def __init__(self, tasks: Iterable[RecordingTask]) -> None:
-        configs: list[Config] = []
         self.tracks: dict[Track, list[RecordingTask]] = defaultdict(list)
         self._of_worker: dict[int, Track] = {}
         self._begun: set[Track] = set()
         for task in tasks:
-            if task.config not in configs:
-                configs.append(task.config)
             motion = task.case.motion if task.case.motion in ROVER else "bench"
-            setup = task.setup or str(configs.index(task.config))
-            self.tracks[setup, task.domain, task.case.room, motion, task.case.draw].append(task)
+            self.tracks[task.setup, task.domain, task.case.room, motion, task.case.draw].append(task)
         for track_tasks in self.tracks.values():  # recordings at the same distance share the paths of the stand
             track_tasks.sort(key=lambda task: (task.case.motion, task.case.distance_m))
 

@@ -44,6 +44,8 @@ if TYPE_CHECKING:
     from radartwin.config.config import Config
 
 OFF_AXIS = 3.0  # the spacing of traced angles allows for errors of placement and wobble up to this number of standard deviations
+# Gaps that change neither room nor stand, because no room has a vessel with contents
+OF_TARGET = ("trajectory", "placement", "contents", "object_shape", "object_material", "person")
 RUNNING = ("turntable_motor", "turntable_gear")  # fixtures that warm up while the turntable turns
 CACHED_TRACKS = 2
 DRAW_STEP = 1000  # draw d of seed s has the seeds of draw 0 of seed s + 1000 d
@@ -181,7 +183,7 @@ def _true_room(room: str, sensor: bytes, gaps: testbed.Gaps, seed: int) -> Scene
 
 def _of_room(gaps: testbed.Gaps) -> testbed.Gaps:
     """Return the strengths, with zero for gaps that change neither room nor stand. More recordings then share cached rooms and stands."""
-    return replace(gaps, hardware=0.0, trajectory=0.0, placement=0.0, object_shape=0.0, object_material=0.0)
+    return replace(gaps, hardware=0.0, **dict.fromkeys(OF_TARGET, 0.0))
 
 
 @functools.cache
@@ -318,7 +320,7 @@ def _creep(case: Case, place: _Place, seed: int, root: int) -> drift.Drift | Non
             parts += _drives(case, place, root).moving([surface], sensor, poses, False)
         return received(parts, short, len(states), elements="exact", oscillator=None)[:, 0]
 
-    key = f"{case.room} {root} {place.gaps} {settings} {short}"
+    key = f"{case.room} {root} {_of_room(place.gaps)} {settings} {short}"
     states = _creeping.get(key, 1, room_states)
     key = f"{key} {stand_top(nominal).tobytes().hex()}"
     stand_states = _running.get(key, 1, running)

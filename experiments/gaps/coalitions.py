@@ -35,8 +35,6 @@ from radartwin.scene.objects.catalogue import catalogue
 LABELS = "labels"  # a gap: the simulated room has materials of the configured source instead of the true materials
 TWIN = frozenset(("geometry", LABELS, "hardware"))  # gaps that change how the simulated recordings are computed or read
 TESTBED = tuple(gap for gap in case_set.GAPS if gap != "geometry")
-# Gaps that need a new set-up of the testbed's room
-SETS_UP = ("clutter", "solver", "materials", "roughness", "contents", "hardware")
 FEATURES = "rotation"
 # The angular extent is left out of the feature error. At 1 m all objects are narrower than the array's beam, so the standard deviation of
 # the extent over objects is only 0.0015 rad. Channel mismatch alone changes the extent by 27 such standard deviations. This change
@@ -78,7 +76,7 @@ class Sides:
         self._read: dict[Side, Frame] = {}
 
     def prepare(self, sets_of_gaps: Iterable[Coalition]) -> None:
-        """Simulate and read the sides of these coalitions. Sides that share a room set-up are simulated together."""
+        """Simulate and read the sides of these coalitions."""
         ordered = sides_of(sets_of_gaps)
         make_together(self.missing(ordered), self.config.jobs, self.progress)
         for domain, on in self.progress.over(ordered, "sides"):
@@ -87,7 +85,7 @@ class Sides:
     def missing(self, sides: Iterable[Side]) -> dict[str, RecordingTask]:
         """Return {store key: task} of the missing recordings of these sides (domains with their gaps)."""
         return joined(
-            self._campaign(on, case).missing([(domain, case)], clean=not _received(domain, on), setup=_setup(domain, _switched(on, case)))
+            self._campaign(on, case).missing([(domain, case)], clean=not _received(domain, on))
             for domain, on in sides
             for case in self.cases
         )
@@ -128,9 +126,9 @@ class Sides:
 
 
 def sides_of(sets_of_gaps: Iterable[Coalition]) -> list[Side]:
-    """Return the sides (measured or simulated recordings with their gaps) of these coalitions. Sides of one room set-up are adjacent."""
+    """Return the sides (measured or simulated recordings with their gaps) of these coalitions."""
     wanted = {(domain, side(domain, on)) for on in sets_of_gaps for domain in ("twin", "measured")}
-    return sorted(wanted, key=lambda pair: (pair[0], _setup(*pair), sorted(pair[1])))
+    return sorted(wanted, key=lambda pair: (pair[0], sorted(pair[1])))
 
 
 def _switched(on: Coalition, case: Case) -> Coalition:
@@ -141,11 +139,6 @@ def _switched(on: Coalition, case: Case) -> Coalition:
 def _received(domain: str, on: Coalition) -> bool:
     """Return whether the features of a side are computed from recordings with receiver effects."""
     return domain == "measured" or "hardware" in on
-
-
-def _setup(domain: str, on: Coalition) -> str:
-    """Return the name of the room set-up that a side (domain with its gaps) needs. Sides with the same name share the room set-up."""
-    return " ".join(gap for gap in (SETS_UP if domain == "measured" else ("geometry", LABELS)) if gap in on) or "as it is"
 
 
 def losses(config: Config, sides: Sides, sets_of_gaps: Iterable[Coalition]) -> Losses:

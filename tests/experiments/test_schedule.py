@@ -69,6 +69,19 @@ def test_no_second_worker_sets_up_a_track_for_a_few_recordings(tasks: list[Recor
     assert len([task for _ in short if (task := schedule.next_task(0))]) == 2
 
 
+def test_recordings_that_differ_in_the_target_alone_share_a_set_up(tmp_path: Path) -> None:
+    def set_up(*overrides: str, domain: str = "measured") -> str:
+        campaign = Campaign(compose(["profile=quick", *overrides]), Store(tmp_path), Progress(quiet=True))
+        (task,) = campaign.missing([(domain, campaign.cases(domain, motion="turntable")[0])]).values()
+        return task.setup
+
+    usual = set_up()
+    same = [f"measured.gap.{gap}=0" for gap in ("contents", "placement", "person")]
+    assert {set_up(change) for change in (*same, "profile.campaign.turns=3")} == {usual}
+    others = [set_up(f"measured.gap.{gap}=0") for gap in ("materials", "clutter", "hardware")] + [set_up("seed=1"), set_up(domain="twin")]
+    assert len({usual, *others}) == 6
+
+
 @pytest.mark.parametrize("parts", [1, 7, 100])
 def test_parts_have_every_recording_once(tmp_path: Path, parts: int) -> None:
     plan = Campaign(compose(["experiment=campaign_part"]), Store(tmp_path), Progress(quiet=True)).plan()
