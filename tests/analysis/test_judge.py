@@ -22,7 +22,7 @@ ROWS = {
 }
 
 
-@pytest.mark.parametrize("folder", [RESULTS, RESULTS / "registered"])
+@pytest.mark.parametrize("folder", [RESULTS, RESULTS / "registered", RESULTS / "draws_0_to_9"])
 def test_the_committed_verdicts_follow_from_their_rows(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert judge.main([str(folder)]) == 0
     assert "supported" in capsys.readouterr().out

@@ -5,7 +5,7 @@ from jinja2 import UndefinedError
 
 from analysis import numbers
 from analysis.pages import choosing, findings, paper_tables, readme
-from analysis.pages.template import ROOT, filled
+from analysis.pages.template import ROOT, committed, filled
 
 TABLE = """case,paper,value,low,high,draws,verdict
 void,-0.24,0.4312,0.402,0.4549,3,contradicted
@@ -47,6 +47,13 @@ def test_places_are_filled(place, expected, folder):
 def test_a_place_that_fits_no_row_is_refused(place, told, folder):
     with pytest.raises((ValueError, KeyError, UndefinedError), match=told):
         filled(place, folder)
+
+
+def test_claims_are_found_in_their_tables():
+    made, headline = findings.claimed("registered"), committed("registered/headline").to_dict("records")
+    assert headline
+    assert all(made[row["claim of the paper"]]["value"] == row["value"] for row in headline)
+    assert not findings.claimed("absent")
 
 
 @pytest.mark.parametrize("page", [findings, readme, paper_tables, choosing])
