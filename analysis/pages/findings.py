@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from analysis.pages.template import RESULTS, ROOT, Row, committed, filled, has, verdicts
+from analysis.pages.template import RESULTS, ROOT, Row, chosen, committed, filled, verdicts
 from experiments.gaps.headline import HEADLINES
 
 PAGE = ROOT / "docs" / "findings.md"
@@ -19,9 +19,9 @@ def claimed(folder: str) -> dict[str, Row]:
     """Return the rows of the paper's main claims, by their words, in those of their tables that a folder of docs/results has."""
     made = {}
     for headline in HEADLINES:
-        table, where = f"{folder}/{headline.table}", {"metric": headline.metric, **headline.where}
-        listed = committed(table).to_dict("records") if (RESULTS / f"{table}.csv").is_file() else []
-        for row in listed:
-            if row["claim"] and all(has(row, *cell, table) for cell in where.items()):
-                made[headline.text] = row
+        table = f"{folder}/{headline.table}"
+        if (RESULTS / f"{table}.csv").is_file():
+            for row in chosen(committed(table), table, {"metric": headline.metric, **headline.where}):
+                if row["claim"]:
+                    made[headline.text] = row
     return made

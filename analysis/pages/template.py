@@ -36,7 +36,7 @@ def filled(template: str, folder: Path = RESULTS, **content: Any) -> str:
     read = functools.cache(functools.partial(committed, folder=folder))
 
     def rows(table: str, **where: Any) -> list[Row]:
-        return [row for row in read(table).to_dict("records") if all(has(row, *condition, table) for condition in where.items())]
+        return chosen(read(table), table, where)
 
     def row(table: str, **where: Any) -> Row:
         if len(matches := rows(table, **where)) != 1:
@@ -93,8 +93,12 @@ def wrapped(paragraph: str) -> str:
     return textwrap.fill(paragraph, WIDTH, break_long_words=False, break_on_hyphens=False)
 
 
-def has(row: Row, column: str, wanted: Any, table: str) -> bool:
-    """Return whether a cell has a value, compared as numbers; None stands for an empty cell. Raises ValueError if there is no column."""
+def chosen(rows: pd.DataFrame, table: str, where: Mapping[str, Any]) -> list[Row]:
+    """Return the rows of a table whose columns have the given values. Raises ValueError if it lacks such a column."""
+    return [row for row in rows.to_dict("records") if all(_has(row, *condition, table) for condition in where.items())]
+
+
+def _has(row: Row, column: str, wanted: Any, table: str) -> bool:
     wanted = "" if wanted is None else wanted
     if column not in row and wanted != "":
         raise ValueError(f"{table}.csv has no column {column!r}; its columns are {', '.join(row)}")

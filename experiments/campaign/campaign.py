@@ -33,7 +33,7 @@ from radartwin.store.products import Product, Store
 
 Call = tuple[Any, ...]  # a function of a module, and its arguments
 CLEAN, PROCESSED = "clean", "processed"
-OF_TARGET = {"case", "course", "families", "limits", *truth.OF_TARGET}  # entries of a recording's specification that do not change the room
+NOT_OF_ROOM = {"case", "course", "families", "limits", *truth.OF_TARGET}  # entries of a specification that do not change the room
 
 
 class Campaign:
@@ -153,8 +153,8 @@ class Campaign:
 
 def _setup(spec: Mapping[str, Any]) -> str:
     """Return a digest of those entries of a recording's specification that change the set-up of its track (path of the radar in a room)."""
-    room = {name: value for name, value in spec.items() if name not in OF_TARGET}
-    return spec_digest(room | {"gap": {name: value for name, value in spec.get("gap", {}).items() if name not in OF_TARGET}})
+    room = {name: value for name, value in spec.items() if name not in NOT_OF_ROOM}
+    return spec_digest(room | {"gap": {name: value for name, value in spec.get("gap", {}).items() if name not in NOT_OF_ROOM}})
 
 
 def joined(task_sets: Iterable[Mapping[str, RecordingTask]]) -> dict[str, RecordingTask]:

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from radartwin.config.config import Config
 
 OFF_AXIS = 3.0  # the spacing of traced angles allows for errors of placement and wobble up to this number of standard deviations
-# Gaps that change neither room nor stand, because no room has a vessel with contents
+# Gaps that change neither room nor stand; `contents` does not, because there is no vessel among them
 OF_TARGET = ("trajectory", "placement", "contents", "object_shape", "object_material", "person")
 RUNNING = ("turntable_motor", "turntable_gear")  # fixtures that warm up while the turntable turns
 CACHED_TRACKS = 2

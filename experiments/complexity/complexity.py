@@ -69,7 +69,7 @@ ASKED: dict[str, dict[str, tuple[str, ...]]] = {
 }  # fmt: skip
 NEARER = replace(REFLECTOR, distance_m=1.0)
 CASES = {
-    "quick": (NEARER,),  # a recording takes a third of the time of one at 2 m
+    "quick": (NEARER,),  # a recording takes two thirds of the time of one at 2 m
     "paper": (
         REFLECTOR, Case("mustard", "lab", "turntable", 2.0), NEARER,
         Case("drink_can_355", "squash_court", "depth", 1.0), Case("mug", "squash_court", "lateral", 1.0),

@@ -92,16 +92,9 @@ class Paths:
         """Join `Paths` objects that have the same sensor poses and frequency nodes, and sort the joined paths by pose."""
         first = parts[0]
         names = [f.name for f in fields(first) if f.name not in ("poses", "frequencies_hz") and getattr(first, f.name) is not None]
-        order = np.argsort(np.concatenate([part.pose for part in parts]), kind="stable")
-        place = np.empty(len(order), int)
-        place[order] = np.arange(len(order))
-        rows, joined = np.split(place, np.cumsum([len(part) for part in parts])[:-1]), {}
-        for name in names:  # written to their places at once, because there may be millions of paths
-            values = [getattr(part, name) for part in parts]
-            joined[name] = np.empty((len(order), *values[0].shape[1:]), np.result_type(*values))
-            for row, value in zip(rows, values, strict=True):
-                joined[name][row] = value
-        return Paths(poses=first.poses, frequencies_hz=first.frequencies_hz, **joined)
+        joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+        order = np.argsort(joined["pose"], kind="stable")
+        return Paths(poses=first.poses, frequencies_hz=first.frequencies_hz, **{k: v[order] for k, v in joined.items()})
 
 
 def traced_once(

@@ -132,7 +132,7 @@ def test_the_registered_headline_follows_from_the_registered_tables(capsys: pyte
 
     def committed(of: Config) -> Result:
         if (key := run_key(of)) not in names:  # other strengths of the testbed, which no registered claim compares
-            return Result(of.experiment.name, [])
+            return Result(str(of.experiment.name), [])
         rows = pd.read_csv(folder / f"{names[key]}.csv").astype(object)
         return Result(names[key], rows.where(rows.notna(), None).to_dict("records"))
 

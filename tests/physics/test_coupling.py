@@ -37,6 +37,27 @@ def ball(centre=(0.0, 0, 0)):
     return rt.Surface(objects.sphere(RADIUS, 5).apply_translation(centre), "metal", "ball", role="object")
 
 
+def test_a_sharp_field_is_evaluated_once_beside_its_points():
+    """A field that is linear in space is interpolated exactly, for any division of the points and also after other places."""
+    asked, rng, slope = [], np.random.default_rng(0), np.array([[1.0, 2j], [3.0, -1.0], [0.5j, 2.0]])
+
+    def exact(place: int, leg: int, points: np.ndarray) -> np.ndarray:
+        asked.append(np.column_stack([np.full(len(points), 10 * place + leg), points.round(9)]))
+        return (1 + leg) * (points @ slope) + place
+
+    corner = np.array([[0.0, 0, 0], [2.0, 1.0, 0]])
+    shape, sharp = np.zeros((2, 3, 3)), np.array([[0.0, 0.01], [0.02, 0.01]])
+    legs = Legs(np.arange(2), shape, shape[:, 0], corner, 0.2, np.ones(2), FREE_SPACE.carried, np.ones((2, 2)), sharp, exact)
+    place, leg = np.array([0, 1, 1] * 40), np.array([1, 0, 1] * 40)
+    point = corner[place] + 0.2 * rng.random((120, 3))
+    for rows in (slice(70), slice(50, 120)):
+        amplitude = np.ones((len(point[rows]), 2), complex)
+        legs.weigh(amplitude, place[rows], leg[rows], point[rows])
+        np.testing.assert_allclose(amplitude, (1 + leg[rows, None]) * (point[rows] @ slope) + place[rows, None], rtol=1e-12)
+    nodes = np.concatenate(asked)
+    assert len(np.unique(nodes, axis=0)) == len(nodes)
+
+
 paths_of = partial(flat_room_paths, rays_per_wavelength2=4.0)
 
 

@@ -49,9 +49,9 @@ UNDISTURBED = 1e-3  # a direct leg whose field changes by at most this needs no 
 KEPT = 64  # number of cache entries, each for a few places
 _kept: "Recent[tuple[FlatRoom, Legs]]" = Recent(KEPT)  # an entry also holds the room, so that no other room gets its id
 # The places at which the sharp fields of a grid of n^3 places are evaluated, by the id of the legs, and place * G + leg: the legs, so that
-# no others get the id, the row (n^3,) of each place, -1 for none, and the fields (K, Q) of the rows.
+# no others get the id, the row (n^3,) of each place, -1 for none, and the fields (K, Q) of the rows; 500 MB in all.
 _evaluated: "LRUCache[tuple[int, int], tuple[Legs, np.ndarray, np.ndarray]]" = LRUCache(
-    1_500_000_000, getsizeof=lambda entry: entry[1].nbytes + entry[2].nbytes
+    500_000_000, getsizeof=lambda entry: entry[1].nbytes + entry[2].nbytes
 )
 
 
@@ -107,7 +107,7 @@ class Legs:
                 side, row, values = self._sharp_field(int(codes[0]), points)
                 sides = np.array([side])
             else:
-                fields = [self.carried.get(divmod(key, len(self.order))) for key in codes]
+                fields = [self.carried.get(divmod(int(key), len(self.order))) for key in codes]
                 sides, row = np.array([0 if field is None else len(field) for field in fields], int), np.zeros(0, np.int32)
                 values = np.concatenate([np.zeros((0, amplitude.shape[1])), *(f.reshape(-1, f.shape[3]) for f in fields if f is not None)])
             first = np.cumsum([0, *sides[:-1] ** 3])
@@ -124,16 +124,19 @@ class Legs:
         assert self.exact is not None
         place, leg = divmod(code, len(self.order))
         side = int(np.clip(np.ceil(self.size / self.sharp[place, leg]), 4, MOST)) + 1
-        new = self, np.full(side**3, -1, np.int32), np.zeros((0, len(self.frequencies_hz)), complex)
-        _, row, field = _evaluated.get((id(self), code), new)
+        if (id(self), code) in _evaluated:
+            _, row, field = _evaluated[id(self), code]
+        else:
+            row, field = np.full(side**3, -1, np.int32), np.zeros((0, len(self.frequencies_hz)), complex)
         cell = np.minimum((np.clip((points - self.low[place]) / self.size, 0, 1) * (side - 1)).astype(int), side - 2)
         near = np.zeros((side, side, side), bool)
         for corner in np.ndindex(2, 2, 2):
             near[tuple((cell + corner).T)] = True
         if len(missing := np.flatnonzero(near.ravel() & (row < 0))):
-            row[missing] = len(field) + np.arange(len(missing))
             steps = np.stack(np.unravel_index(missing, near.shape), axis=1)
-            field = np.concatenate([field, self.exact(place, leg, self.low[place] + steps * (self.size / (side - 1)))])
+            added = self.exact(place, leg, self.low[place] + steps * (self.size / (side - 1)))
+            row[missing] = len(field) + np.arange(len(missing))
+            field = np.concatenate([field, added])
             _evaluated[id(self), code] = self, row, field
         return side, row, field
 
