@@ -199,14 +199,14 @@ simulation/curved/tracer: physics/test_tubes
 Receivers.of_tubes | self.first[grid[tube]] + place | self.first[grid[tube]] | all receivers of a tube are the first one
 
 simulation/backends/coupling: physics/test_coupling
-group_paths | block.out_leg != block.back_leg | block.out_leg != block.out_leg | paths over the room run in one direction only
+_found | block.out_leg != block.back_leg | block.out_leg != block.out_leg | paths over the room run in one direction only
 _place | direction[n, i] * velocity[r, i] | 0.0 * velocity[r, i] | paths over the room have no Doppler shift
 _place | place[r, i] + direction[n, i] * length[n] | place[r, i] + direction[n, i] | legs end one metre from the mirror image
 _place | rotation[r, i, 1] * direction[n, 1] | -rotation[r, i, 1] * direction[n, 1] | directions at the sensor are mirrored
 _Pairs.weighed | legs.weigh(amplitude, self.place[row], leg[row], point) | legs | legs have no amplitudes
 _strong_pairs | [place, share] | [place, 0 * share + share.min()] | pairs of legs have the smallest share of all poses
-group_paths | hits.where(keep) | hits.where(np.arange(min(1, len(keep)))) | only one hit of each block of pairs is kept
-group_paths | close[pairs.frame] | close.any() | one pose close to an object uncouples all poses
+_found | hits.where(keep) | hits.where(np.arange(min(1, len(keep)))) | only one hit of each block of pairs is kept
+_found | close[pairs.frame] | close.any() | one pose close to an object uncouples all poses
 
 simulation/flat/legs: physics/test_coupling
 _lines | level.conjugate() | level | a leg is not conjugated
