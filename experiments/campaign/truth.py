@@ -29,7 +29,7 @@ from radartwin.radar.recording import Recording
 from radartwin.scene import rooms
 from radartwin.scene.objects.assortment import every_object
 from radartwin.scene.scene import Scene, Surface
-from radartwin.simulation.aspects import SHADOW_ASPECTS, SHADOW_ROUND, Aspects, needed, over_room
+from radartwin.simulation.aspects import BATCH, SHADOW_ASPECTS, SHADOW_ROUND, Aspects, needed, over_room
 from radartwin.simulation.backends.mitsuba import TraceSettings
 from radartwin.simulation.backends.track_paths import Track
 from radartwin.simulation.paths import Paths
@@ -347,8 +347,14 @@ def _moved(case: Case, place: _Place, seed: int, root: int, shadow: bool = True)
     """Trace every frame with target and radar at their actual poses. Returns the received signal (F, C, T, R, N)."""
     nominal = place.log
     there = testbed.actual(nominal.sensor_poses, {case.object: nominal.target_poses}, nominal.frame_rate_hz, place.gaps, seed)
-    iq = _seen(case, place, root, there, shadow)
-    return iq + _carrier(place, root) if case.motion in ROVER else iq
+    if case.motion != "turntable":
+        iq = _seen(case, place, root, there, shadow)
+        return iq + _carrier(place, root) if case.motion in ROVER else iq
+    poses, signals = there.motion[case.object], []
+    for block in np.array_split(np.arange(len(poses)), -(-len(poses) // BATCH)):
+        following = poses[block[0] : block[-1] + 2]  # the motion in a frame follows from the next one
+        signals.append(_seen(case, place, root, replace(there, motion={case.object: following}), shadow)[: len(block)])
+    return np.concatenate(signals)
 
 
 def _carrier(place: _Place, root: int) -> np.ndarray | float:

@@ -43,7 +43,7 @@ SHADOW_ROUND, SHADOW_ASPECTS = 64, 128
 TAPS = 8  # number of aspects from which one chirp is interpolated
 HIGHEST_HZ = 79e9  # frequency in Hz for which `needed` computes the number of aspects
 FINER = 2  # number of angles between which the window interpolates, divided by the number of aspects
-_BATCH = 64  # number of aspects that the simulator traces together
+BATCH = 64  # number of aspects that the simulator traces together; limits memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ class Aspects:
             symmetry: order of the target's rotational symmetry about the turntable axis.
         """
         angles = 2 * np.pi / symmetry * np.arange(count) / count
-        parts = [chirp(angles[first : first + _BATCH]) for first in range(0, count, _BATCH)]
+        parts = [chirp(angles[first : first + BATCH]) for first in range(0, count, BATCH)]
         return Aspects(np.concatenate(parts).astype(np.complex64), symmetry)
 
     def refined(self, count: int) -> "Aspects":
@@ -97,7 +97,7 @@ class Aspects:
 
 
 def needed(surfaces: Sequence[Surface], beyond_m: float = 0.0, round_about_axis: bool = False, dented: bool = False) -> int:
-    """Return the number of aspects that a whole revolution of the surfaces about the z axis needs, a multiple of _BATCH.
+    """Return the number of aspects that a whole revolution of the surfaces about the z axis needs, a multiple of BATCH.
 
     Args:
         surfaces: surfaces of the target in the turntable's frame.
@@ -112,13 +112,13 @@ def needed(surfaces: Sequence[Surface], beyond_m: float = 0.0, round_about_axis:
     phase = 4 * np.pi * reach * HIGHEST_HZ / SPEED_OF_LIGHT
     harmonics = phase + 3 * np.cbrt(phase)  # the Bessel function of this order is 0.001 at `phase`
     uneven = dented or any(s.roughness_m > 0 for s in surfaces)
-    least = (NEARLY_ROUND if uneven else _BATCH) if round_about_axis else MIN_ASPECTS
-    return max(least, int(np.ceil(2 * harmonics / _BATCH)) * _BATCH)
+    least = (NEARLY_ROUND if uneven else BATCH) if round_about_axis else MIN_ASPECTS
+    return max(least, int(np.ceil(2 * harmonics / BATCH)) * BATCH)
 
 
 def over_room(count: int) -> int:
     """Return the number of aspects of the echo over the room, whose errors count less, if the direct echo has `count` aspects."""
-    return _BATCH if count <= NEARLY_ROUND else -(-count // (2 * _BATCH)) * _BATCH
+    return BATCH if count <= NEARLY_ROUND else -(-count // (2 * BATCH)) * BATCH
 
 
 def _window(fraction: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ import pytest
 from experiments.campaign import truth
 from experiments.campaign.cases import Case
 from radartwin.config.compose import compose
-from radartwin.simulation.aspects import Aspects
+from radartwin.simulation.aspects import BATCH, Aspects
 
 COURSE = ["profile.campaign.frames_per_turn=40", "profile.campaign.turns=30"]
 
@@ -20,6 +20,7 @@ def simulated(monkeypatch):
 
     def seen(case, place, root, there, shadow, coupled=True):
         poses = there.motion[case.object]
+        assert len(poses) <= BATCH + 1  # the paths of more frames would take gigabytes
         encoded = np.exp(1j * np.arctan2(poses[:, 1, 0], poses[:, 0, 0])) + 1j * (poses[:, 0, 3] - 1.0) + 100 * poses[:, 2, 0]
         return np.tile(encoded[:, None, None, None, None], (1, place.radar.num_chirps, 1, 1, 1)).astype(np.complex64)
 
@@ -56,3 +57,14 @@ def test_without_errors_the_start_is_the_logged_one(simulated):
     start = truth.log(case, config.profile.campaign, measured=True).target_poses[0]
     yaw = np.angle(simulated(case, config)[0, 0] - 1j * (start[0, 3] - 1.0))
     assert np.cos(yaw - np.arctan2(start[1, 0], start[0, 0])) > 0.9999
+
+
+def test_every_frame_knows_the_next_pose_which_gives_its_velocity(simulated, monkeypatch):
+    def following(case, place, root, there, shadow):
+        yaw = np.unwrap(np.arctan2(*there.motion[case.object][:, 1::-1, 0].T))
+        return np.exp(1j * np.append(yaw[1:], yaw[-1]))[:, None, None, None, None]
+
+    monkeypatch.setattr(truth, "_seen", following)
+    config = compose(["experiment=campaign", *COURSE, "measured.gap.trajectory=0"])
+    steps = np.diff(np.unwrap(np.angle(simulated(Case("mug", "lab", "turntable", 1.0), config, traced=True)[:, 0])))
+    assert steps[:-1] == pytest.approx(2 * np.pi / 40) and steps[-1] == pytest.approx(0, abs=1e-9)
