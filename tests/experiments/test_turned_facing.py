@@ -67,4 +67,5 @@ def test_every_frame_knows_the_next_pose_which_gives_its_velocity(simulated, mon
     monkeypatch.setattr(truth, "_seen", following)
     config = compose(["experiment=campaign", *COURSE, "measured.gap.trajectory=0"])
     steps = np.diff(np.unwrap(np.angle(simulated(Case("mug", "lab", "turntable", 1.0), config, traced=True)[:, 0])))
-    assert steps[:-1] == pytest.approx(2 * np.pi / 40) and steps[-1] == pytest.approx(0, abs=1e-9)
+    assert steps[:-1] == pytest.approx(2 * np.pi / 40)
+    assert steps[-1] == pytest.approx(0, abs=1e-9)
