@@ -106,11 +106,13 @@ def _unit_direction(direction: ArrayLike) -> np.ndarray:
 def _grids(
     target: geometry_module.Geometry, position: np.ndarray, cell_m: float, shift: tuple[float, float], far: bool
 ) -> list[tube_grid.TubeGrid]:
-    """Return one grid of tubes over the target, or six grids that cover all directions if the target is too close for a planar grid."""
-    grid = tube_grid.towards(target.hull_points(), position, target.centre, cell_m, shift, plane=far)
+    """Return one grid of tubes over the target, or a grid for each face of a cube if the target is too close for a planar grid."""
+    points = target.hull_points()
+    grid = tube_grid.towards(points, position, target.centre, cell_m, shift, plane=far)
     if grid is None:
-        reach = float(np.linalg.norm(target.hull_points() - position, axis=1).max())
-        grids = tube_grid.all_around(position, np.eye(3)[None], int(6 * (2 * reach / cell_m) ** 2))
+        reach = float(np.linalg.norm(points - position, axis=1).max())
+        faces = tube_grid.cube_faces(points, position[0], np.eye(3))
+        grids = tube_grid.all_around(position, np.eye(3)[None], int(6 * (2 * reach / cell_m) ** 2), faces)
     else:
         grids = [grid]
     if (count := sum(grid.per_pose for grid in grids)) > MAX_TUBES:

@@ -48,6 +48,20 @@ def test_objects_that_need_more_tubes_than_the_limit_are_named(monkeypatch: pyte
         simulate(scene, Radar.iwr1843(), np.eye(4)[None])
 
 
+def test_tubes_around_a_radar_leave_out_only_directions_without_the_body() -> None:
+    random, left_out = np.random.default_rng(1), 0
+    for _ in range(50):
+        rotation, source = trimesh.transformations.random_rotation_matrix(random.random(3))[:3, :3], random.normal(size=3)
+        corners = source + random.normal(size=(4, 3)) + random.normal(size=3)
+        inside = (random.dirichlet(np.ones(4), 2000) @ corners - source) @ rotation  # points of the body in the sensor's frame
+        axis = np.abs(inside).argmax(axis=1)
+        behind = np.array([[0, 5], [1, 2], [3, 4]])[axis, (inside[np.arange(2000), axis] < 0).astype(int)]
+        faces = tube_grid.cube_faces(corners, source, rotation)
+        assert set(behind) <= set(faces)
+        left_out += 6 - len(faces)
+    assert left_out > 100
+
+
 def test_too_many_tubes_for_an_index_are_refused() -> None:
     grid = tube_grid.all_around(np.zeros((200, 3)), np.tile(np.eye(3), (200, 1, 1)), 6 * 8000**2)[0]
     with pytest.raises(BackendError, match="exceed the limit"):

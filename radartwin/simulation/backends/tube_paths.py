@@ -30,7 +30,7 @@ from radartwin.simulation.reflection_table import ReflectionTable
 # tubes.
 WIDTH_RULE = 0.3
 NEAREST_M = 0.5  # lower limit, in metres, of the distance that sets the number of tubes
-MAX_AROUND = 6_000_000  # largest number of tubes in all directions together; a body that needs more gets wider tubes and a warning
+MAX_AROUND = 6_000_000  # largest number of tubes around a place; a body that needs more gets wider tubes and a warning
 ROOM = 0  # number of the cluster that contains the large surfaces of the room
 NEIGHBOUR_M = 0.05  # objects whose bounding boxes are closer than this distance in metres form a cluster
 
@@ -68,7 +68,7 @@ def room_paths(surfaces: Sequence[Surface], target: Target, settings: TraceSetti
         hits = polygons.paths(body, table, place, place, axis, axis, settings.max_bounces)
         return pruned(_in_sensor_frame(hits, table, sensor, velocity), radar, PRUNE)
     if not alone:
-        faces = 6 if radar.sees_behind else 5
+        faces = range(6 if radar.sees_behind else 5)
         rays = settings.rays or _room_rays(target.geometry, sensor[:, :3, 3], radar.wavelength_m)
         tasks += [(ROOM, every, grid) for grid in tube_grid.all_around(sensor[:, :3, 3], sensor[:, :3, :3], rays, faces)]
     for label in range(ROOM + 1, ROOM + 1 + len(objects)):
@@ -117,8 +117,8 @@ def clusters(surfaces: Sequence[Surface], indices: np.ndarray) -> list[list[int]
 def grids(geometry: Geometry, place: np.ndarray, rotation: np.ndarray, cell_m: float) -> Iterator[tuple[np.ndarray, tube_grid.TubeGrid]]:
     """Yield grids of tubes over a small object, each with the indices of its places.
 
-    All places (F, 3) that are far enough share one grid. A place that is too close for a planar grid has a grid for each face of a cube,
-    which is turned by `rotation` (F, 3, 3).
+    All places (F, 3) that are far enough share one grid. A place that is too close for a planar grid has a grid for each face of a cube
+    with the object behind it; the cube is turned by `rotation` (F, 3, 3).
     """
     points = geometry.hull_points()
     close = tube_grid.near(points, place, geometry.centre)
@@ -128,10 +128,11 @@ def grids(geometry: Geometry, place: np.ndarray, rotation: np.ndarray, cell_m: f
         yield np.flatnonzero(~close), grid
     rows = np.flatnonzero(close)
     reach = np.array([np.linalg.norm(points - place[row], axis=1).max() for row in rows])
-    wanted = 6 * (2 * np.maximum(reach, NEAREST_M) / cell_m) ** 2
-    most = _limited(int(wanted.max(initial=0)))  # one warning for all places
-    for row, tubes_around in zip(rows, wanted, strict=True):
-        for grid in tube_grid.all_around(place[[row]], rotation[[row]], min(int(tubes_around), most)):
+    per_face = (2 * np.maximum(reach, NEAREST_M) / cell_m) ** 2
+    faces = [tube_grid.cube_faces(points, place[row], rotation[row]) for row in rows]
+    most = _limited(int(max((n * len(seen) for n, seen in zip(per_face, faces, strict=True)), default=0)))  # one warning for all places
+    for row, cells, seen in zip(rows, per_face, faces, strict=True):
+        for grid in tube_grid.all_around(place[[row]], rotation[[row]], int(6 * min(cells, most / max(len(seen), 1))), seen):
             yield np.array([row]), grid
 
 
@@ -161,7 +162,7 @@ def _room_rays(geometry: Geometry, positions: np.ndarray, wavelength_m: float) -
 
 
 def _limited(wanted: int) -> int:
-    """Return the number of tubes in all directions, at most MAX_AROUND. The function warns if the limit makes the tubes too wide."""
+    """Return the number of tubes around a place, at most MAX_AROUND. The function warns if the limit makes the tubes too wide."""
     if wanted > MAX_AROUND:
         warnings.warn(
             f"surfaces around the radar need {wanted:,} tubes, over the limit MAX_AROUND of {MAX_AROUND:,}, so that the tubes are "

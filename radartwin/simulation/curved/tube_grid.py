@@ -4,6 +4,7 @@ The grids are regular because the tubes must cover the wavefront without gaps an
 fraction of a cell, but it never moves a single ray within its tube.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -146,7 +147,16 @@ _CUBE = np.array(
 )
 
 
-def all_around(source: np.ndarray, rotation: np.ndarray, rays: int, faces: int = 6) -> list[TubeGrid]:
+def cube_faces(points: np.ndarray, source: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """Return the faces of the cube of `all_around` that may have tubes towards the convex hull of points (V, 3), for one source (3,) and
+    rotation (3, 3).
+    """
+    depth, u, v = np.moveaxis((points - source) @ rotation @ np.swapaxes(_CUBE, 1, 2), 2, 0)  # each (6, V)
+    beyond = [(side > depth).all(axis=1) for side in (u, -u, v, -v)]  # all points lie outside the same side of the pyramid
+    return np.flatnonzero(~np.any([*beyond, (depth < 0).all(axis=1)], axis=0))
+
+
+def all_around(source: np.ndarray, rotation: np.ndarray, rays: int, faces: Iterable[int] = range(6)) -> list[TubeGrid]:
     """Build grids of tubes over all directions around the sensor, one grid per face of a cube in the sensor's frame.
 
     Cells of neighbouring cube faces meet at the common edge of the faces, where the hat weights of their tubes overlap symmetrically.
@@ -155,13 +165,13 @@ def all_around(source: np.ndarray, rotation: np.ndarray, rays: int, faces: int =
         source: (F, 3) phase centres in metres.
         rotation: (F, 3, 3) rotation matrices from the sensor frame to the world.
         rays: number of tubes per pose over all six faces of the cube.
-        faces: number of cube faces that get a grid: 6 for all directions, or 5 to leave out the face behind the sensor.
+        faces: cube faces that get a grid; the last one, 5, lies behind the sensor.
     """
     cells = max(2, round(np.sqrt(rays / 6)))
     step = np.full(len(source), 2 / cells)
     low = np.full(len(source), -1 + 1 / cells)
     grids = []
-    for axes in _CUBE[:faces]:
-        forward, u_axis, v_axis = (np.einsum("fij,j->fi", rotation, axis) for axis in axes)
+    for face in faces:
+        forward, u_axis, v_axis = (np.einsum("fij,j->fi", rotation, axis) for axis in _CUBE[face])
         grids.append(TubeGrid(source, forward, u_axis, v_axis, low, low, step, step, cells, cells))
     return grids
