@@ -57,7 +57,8 @@ TABLE = Table(
 )
 
 PROBED = ("radartwin.adaptive.probe",)  # the cache keys of recordings depend on the code of these modules
-ROUNDS = 2  # number of rounds of timing; the quick profile has one
+# Number of rounds of timing, and of frames, None for all of a probe
+QUICK, PAPER = (1, 12), (2, None)
 # Feature sets of each motion: sets that a claim of a table needs, the set named after the motion, and all features of the motion.
 _DRIVEN = {"track": ("track",), "depth": SETS["depth"], EVERYTHING: MOTION_FAMILIES["depth"]}
 ASKED: dict[str, dict[str, tuple[str, ...]]] = {
@@ -152,7 +153,8 @@ def run(config: Config, store: Store, progress: Progress) -> Result:
     for name in progress.over(list(names), "run times"):
         mine = [(requirement, choice) for requirement, choice in zip(requirements, alone, strict=True) if requirement.name == name]
         models = [fixed.model, DEFAULT, *(choice.model for _, choice in mine)]
-        seconds[name] = timing.seconds(mine[0][0].probe_of, models, 1 if config.profile.name == "quick" else ROUNDS, store)
+        rounds, frames = QUICK if config.profile.name == "quick" else PAPER
+        seconds[name] = timing.seconds(mine[0][0].probe_of, models, rounds, store, frames)
     sufficient = max(requirement.error(DEFAULT)[0] for requirement in requirements) <= 1
     if sufficient and np.median([timing.ratio(of[DEFAULT], of[fixed.model]) for of in seconds.values()]) < 1:
         fixed = Choice(DEFAULT, *max(requirement.error(DEFAULT) for requirement in requirements), ())

@@ -15,29 +15,28 @@ import numpy as np
 from experiments.speed.machine import machine
 from experiments.speed.measuring import clock
 from radartwin.adaptive.probe import Probe
-from radartwin.adaptive.scene_settings import DEFAULT, Model
+from radartwin.adaptive.scene_settings import Model
 from radartwin.store import array_cache
 from radartwin.store.products import Store, save_json
 
 ROOTS = ("experiments.complexity.timing",)
 FRAMES = 250, 50  # number of frames of a revolution, and of a drive
-FIRST = 4  # frames that are recorded to compile the kernels
 
 
-def seconds(probe_of: Callable[[int | None, bool], Probe], models: Sequence[Model], rounds: int, store: Store) -> dict[Model, list[float]]:
+def seconds(
+    probe_of: Callable[[int | None, bool], Probe], models: Sequence[Model], rounds: int, store: Store, frames: int | None = None
+) -> dict[Model, list[float]]:
     """Return the run time in core-seconds per frame of a whole recording: for each model, a list with one value per round. `probe_of` is a
-    function (number of frames, whether to take frames between the probe's frames) -> probe.
+    function (number of frames, whether to take frames between the probe's frames) -> probe; `frames` is the number to time, None for all.
     """
-    many = probe_of(None, False)
+    many = probe_of(frames, False)
     few = probe_of((many.frames + 1) // 2, False)
     ordered = sorted(set(models), key=lambda model: model.told)
     spec: dict[str, Any] = {**few.described(), "families": None, "models": ordered, "rounds": rounds, "machine": machine()}
 
     def build(folder: Path) -> None:
-        first = probe_of(FIRST, False)
-        for model in ordered:
-            first.record(model)
-        few.record(DEFAULT)  # allocates memory that later recordings reuse, so that no model's time includes this allocation
+        for model in ordered:  # compiles kernels and allocates memory that later recordings reuse
+            few.record(model)
         times_s = [[_once(few, many, model) for model in ordered] for _ in range(rounds)]
         save_json(folder, "seconds", times_s)
 
