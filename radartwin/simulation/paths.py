@@ -92,9 +92,9 @@ class Paths:
         """Join `Paths` objects that have the same sensor poses and frequency nodes, and sort the joined paths by pose."""
         first = parts[0]
         names = [f.name for f in fields(first) if f.name not in ("poses", "frequencies_hz") and getattr(first, f.name) is not None]
-        joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
-        order = np.argsort(joined["pose"], kind="stable")
-        return Paths(poses=first.poses, frequencies_hz=first.frequencies_hz, **{k: v[order] for k, v in joined.items()})
+        order = np.argsort(np.concatenate([part.pose for part in parts]), kind="stable")
+        joined = {name: np.concatenate([getattr(part, name) for part in parts])[order] for name in names}
+        return Paths(poses=first.poses, frequencies_hz=first.frequencies_hz, **joined)
 
 
 def traced_once(

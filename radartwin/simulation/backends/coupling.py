@@ -36,18 +36,18 @@ from radartwin.simulation.paths import Paths
 from radartwin.simulation.pruning import EARLY, LEGS, PRUNE, SHADED, TRACED, both_gains, largest, strong_masks
 from radartwin.simulation.reflection_table import lagrange_basis
 
-AT_ONCE = 2_000_000  # about as many hits are traced at once before the weak ones among them are dropped; limits memory
+AT_ONCE = 500_000  # about as many hits are traced at once before the weak ones among them are dropped; limits memory
 STRONGEST = 0.5  # if direct paths are only estimated, paths below this share of the strongest one are dropped
 GRAIN = 20_000  # smallest number of hits for which one thread runs `_place`
 # Tubes per square wavelength for weak paths between object and room. Error: 0.03 of the signal of a metal umbrella stand, 0.10 of the
 # signal of a litter bin.
 SPARSE = 0.125
-# At a pose with more than AT_ONCE hits, pairs of legs are weak whose echo is at most WEAK times the smallest one that matters. Effect on
+# At a pose with more than MANY hits, pairs of legs are weak whose echo is at most WEAK times the smallest one that matters. Effect on
 # the signal of the scanned laboratory with a bookcase of 371 faces: 0.06 (half as many tubes for all pairs: 0.04). The bookcase has 8
 # million hits of 16 nodes there, 20 GB with their copies, and 2.2 million with fewer tubes for the weak pairs. A body of 1.7 m that walks
 # through the furnished laboratory takes 4.5 s a frame instead of 13.3 s; the error of its signal against four times as many tubes rises
 # from 0.026 to 0.040.
-WEAK = 10.0
+MANY, WEAK = 2_000_000, 10.0
 BISTATIC = 4.0  # assumed largest ratio of an object's bistatic to its monostatic echo
 
 
@@ -124,7 +124,7 @@ def _found(
     per_pair = np.bincount(hits.pose, minlength=1).max() * (20 if estimated else 1)
     traced = [(straight, hits if direct else Hits.none(len(group.table.frequencies_hz)), level if direct else level[:0])]
     floor = prune * most
-    many = np.bincount(pairs.frame, minlength=frames) * per_pair * (direct_cell_m / coupled_cell_m) ** 2 > AT_ONCE
+    many = np.bincount(pairs.frame, minlength=frames) * per_pair * (direct_cell_m / coupled_cell_m) ** 2 > MANY
     weak = many[pairs.frame] & (pairs.strength < WEAK * share[pairs.frame])
     wide_m = max(coupled_cell_m, radar.wavelength_m / float(np.sqrt(SPARSE)))
     for subset, width_m in ((pairs.where(~weak), coupled_cell_m), (pairs.where(weak), wide_m)):
@@ -139,12 +139,14 @@ def _found(
 
     # 4. Weight: the field of the two legs at each hit.
     parts, firsts, crosses = [], [], []
-    for block, hits, level in traced:
+    traced.reverse()
+    while traced:  # lists of millions of hits take gigabytes
+        block, hits, level = traced.pop()
         hits = hits.where(_strong(block, hits, level, prune * most))
         parts.append(block.weighed(hits, group.table.frequencies_hz, object_poses))
         firsts.append(hits.first_m)
         crosses.append((block.out_leg != block.back_leg)[hits.pose])
-    del traced, hits, level  # lists of millions of hits take gigabytes
+    del hits, level
     kept: list[list[Paths]] = []
     for first, cross, mask in zip(firsts, crosses, strong_masks(parts, radar, prune), strict=True):
         keep = np.flatnonzero(mask)
