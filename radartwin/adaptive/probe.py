@@ -4,7 +4,7 @@ several models.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -18,6 +18,7 @@ from radartwin.features.log import Log, Nominal
 from radartwin.features.processed import Processed, process
 from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Scene
+from radartwin.simulation.poses import ObjectPoses
 
 # A probe has as many frames as the recordings from which the limits were computed (experiments/generators/repeatability.py), because some
 # features depend on the number of frames.
@@ -42,7 +43,7 @@ class Probe:
     kept: Scene
     radar: Radar
     sensor_poses: np.ndarray
-    motion: Mapping[str, np.ndarray]
+    motion: ObjectPoses
     log: Log
     families: tuple[str, ...]
     variant: str = "auto"
@@ -76,8 +77,8 @@ class Probe:
 
 
 def thinned(
-    room: Scene, kept: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray], log: Log,
-    families: Sequence[str], variant: str = "auto", count: int | None = None, between: bool = False,
+    room: Scene, kept: Scene, radar: Radar, sensor_poses: np.ndarray, motion: ObjectPoses, log: Log,
+    families: Sequence[str], variant: str = "auto", count: int | None = None, between: bool = False
 ) -> Probe:  # fmt: skip
     """Build a probe from a recording: evenly spaced angles of the first revolution, or evenly spaced positions of the drive.
 

@@ -23,6 +23,7 @@ from radartwin.simulation.backends.backend import backend
 from radartwin.simulation.backends.backend import names as simulator_names
 from radartwin.simulation.backends.rfgenesis_signal import direct_frame
 from radartwin.simulation.backends.sionna_scene import quiet
+from radartwin.simulation.poses import ObjectPoses
 from radartwin.simulation.simulate import simulate
 
 ARRAY = Radar.iwr1843()
@@ -103,12 +104,7 @@ def solve(method: Method, problem: Problem) -> tuple[dict[str, np.ndarray], floa
 
 
 def published_seconds(
-    scene: Scene,
-    sensor: np.ndarray,
-    motion: Mapping[str, np.ndarray],
-    settings: rfgenesis.RFGenesisSettings,
-    radar: Radar,
-    clock: Callable[[], float],
+    scene: Scene, sensor: np.ndarray, motion: ObjectPoses, settings: rfgenesis.RFGenesisSettings, radar: Radar, clock: Callable[[], float]
 ) -> float:
     """Return the seconds per frame of RF-Genesis with its own signal generator, from one frame: trace time plus the time of all sums."""
     began = clock()

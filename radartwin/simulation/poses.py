@@ -9,6 +9,7 @@ from radartwin.errors import PoseError
 from radartwin.radar.field_checks import check_rigid
 
 MOMENT = 1e-4  # time step of the finite difference that gives a velocity, as a fraction of the frame period
+ObjectPoses = Mapping[str, np.ndarray]  # poses (F, 4, 4) from a surface's own frame to the world, by the name of a moving surface
 AT_REST = 1e-12  # a pose sequence whose matrix entries change by less than this counts as at rest
 
 
@@ -35,7 +36,7 @@ def check_poses(poses: np.ndarray, what: str) -> np.ndarray:
     return poses
 
 
-def check_motion(motion: Mapping[str, np.ndarray] | None, names: set[str], frames: int) -> tuple[dict[str, np.ndarray], int]:
+def check_motion(motion: ObjectPoses | None, names: set[str], frames: int) -> tuple[dict[str, np.ndarray], int]:
     """Check the object poses of a simulation. A single pose of the sensor or of an object is valid for all frames.
 
     Args:
@@ -122,7 +123,7 @@ def moments(*poses: np.ndarray) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarra
     return poses, tuple(_advanced(track, MOMENT) for track in poses)
 
 
-def rigid_groups(motion: Mapping[str, np.ndarray]) -> list[list[str]]:
+def rigid_groups(motion: ObjectPoses) -> list[list[str]]:
     """Group the names of moving surfaces that have equal poses in all frames and therefore move together like one rigid body."""
     groups: list[list[str]] = []
     for name, poses in motion.items():

@@ -27,6 +27,7 @@ from radartwin.simulation.backends.mitsuba import MitsubaBackend
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.geometry import MIN_AREA_M2
 from radartwin.simulation.paths import Paths
+from radartwin.simulation.poses import ObjectPoses
 from radartwin.simulation.signal.synthesis import ELEMENTS, received, thermal_noise
 
 FIRST_FRAMES = 8  # largest number of frames of the first block
@@ -39,7 +40,7 @@ def simulate(
     radar: Radar,
     sensor_poses: np.ndarray,
     *,
-    motion: Mapping[str, np.ndarray] | None = None,
+    motion: ObjectPoses | None = None,
     max_bounces: int = 4,
     rays: int | None = None,
     noise: bool = False,
@@ -123,7 +124,7 @@ def _blocks(
     scene: Scene,
     radar: Radar,
     sensor: np.ndarray,
-    moving: Mapping[str, np.ndarray],
+    moving: ObjectPoses,
     tracer: Backend,
     elements: str,
     noises: Sequence[np.random.Generator],
@@ -155,11 +156,7 @@ def _blocks(
 
 
 def trace_paths(
-    scene: Scene,
-    radar: Radar,
-    sensor_poses: np.ndarray,
-    motion: Mapping[str, np.ndarray] | None,
-    settings: TraceSettings,
+    scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: ObjectPoses | None, settings: TraceSettings
 ) -> tuple[list[Paths], np.ndarray]:
     """Check the arguments of `simulate` and trace the propagation paths on Mitsuba.
 
@@ -175,7 +172,7 @@ def trace_paths(
 
 
 def _checked(
-    scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray] | None
+    scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: ObjectPoses | None
 ) -> tuple[Scene, np.ndarray, dict[str, np.ndarray]]:
     """Check the arguments of `simulate`. Return the scene without tiny surfaces, the sensor poses (F, 4, 4), and the poses (F, 4, 4) of
     moving surfaces by name.

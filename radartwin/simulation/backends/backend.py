@@ -5,7 +5,6 @@ To add a simulator, write a settings dataclass and a class that implements the P
 tests/contract/test_simulators.py tests it.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, Protocol
 
@@ -18,6 +17,7 @@ from radartwin.scene.scene import Scene
 from radartwin.simulation.backends.mitsuba import MitsubaBackend
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.paths import Paths
+from radartwin.simulation.poses import ObjectPoses
 
 SIMULATORS = ("mitsuba", "rfgenesis", "points", "sionna")
 
@@ -37,12 +37,7 @@ class Backend(Protocol):
     def settings(self) -> Any: ...
 
     def paths(
-        self,
-        scene: Scene,
-        radar: Radar,
-        sensor_poses: np.ndarray,
-        motion: Mapping[str, np.ndarray] | None = None,
-        track: np.ndarray | None = None,
+        self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: ObjectPoses | None = None, track: np.ndarray | None = None
     ) -> list[Paths]:
         """Return the propagation paths over all static surfaces and over every group of surfaces that move together.
 
@@ -61,7 +56,7 @@ class Backend(Protocol):
 
 
 def paths_of_frames(
-    tracer: Backend, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray], start: int, stop: int
+    tracer: Backend, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: ObjectPoses, start: int, stop: int
 ) -> list[Paths]:
     """Return the paths of the frames `start` to `stop` - 1 of a recording; the other arguments are those of `Backend.paths` for the whole
     recording.

@@ -14,7 +14,6 @@ paths between two groups of surfaces that move differently.
 """
 
 import atexit
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -28,6 +27,7 @@ from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.backends.track_paths import Track
 from radartwin.simulation.flat.room import Searched
 from radartwin.simulation.paths import Paths
+from radartwin.simulation.poses import ObjectPoses
 from radartwin.store.recent import Recent
 
 _tracks: Recent[Track] = Recent(1)  # the last track, which all blocks of a recording share
@@ -64,12 +64,7 @@ class MitsubaBackend:
     name = "mitsuba"
 
     def paths(
-        self,
-        scene: Scene,
-        radar: Radar,
-        sensor_poses: np.ndarray,
-        motion: Mapping[str, np.ndarray] | None = None,
-        track: np.ndarray | None = None,
+        self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: ObjectPoses | None = None, track: np.ndarray | None = None
     ) -> list[Paths]:
         """Trace the paths of all static surfaces and of all groups of surfaces that move together.
 
@@ -86,7 +81,7 @@ class MitsubaBackend:
         scene: Scene,
         radar: Radar,
         sensor_poses: np.ndarray,
-        motion: Mapping[str, np.ndarray] | None = None,
+        motion: ObjectPoses | None = None,
         track: np.ndarray | None = None,
         searched: Searched | None = None,
     ) -> "Traced":

@@ -29,7 +29,6 @@ the ray's own hit, while the program averages 32 randomly displaced samples. The
 The module `rfgenesis_signal` has the original timing.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,6 +42,7 @@ from radartwin.simulation import poses as poses_module
 from radartwin.simulation import reflection_table, variant
 from radartwin.simulation.argument_checks import check_option, check_whole
 from radartwin.simulation.paths import Paths
+from radartwin.simulation.poses import ObjectPoses
 
 VERSIONS = ("shipped", "corrected")
 ALBEDO, SPOT_INTENSITY = 0.8, 1000.0
@@ -99,12 +99,7 @@ class RFGenesisBackend:
     name = "rfgenesis"
 
     def paths(
-        self,
-        scene: Scene,
-        radar: Radar,
-        sensor_poses: np.ndarray,
-        motion: Mapping[str, np.ndarray] | None = None,
-        track: np.ndarray | None = None,
+        self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: ObjectPoses | None = None, track: np.ndarray | None = None
     ) -> list[Paths]:
         """Return one path per hit and frame. If neither sensor nor surfaces move, the paths have a single pose.
 
@@ -145,7 +140,7 @@ def pixel_directions(settings: RFGenesisSettings) -> np.ndarray:
     return ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
 
 
-def trace(scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: Mapping[str, np.ndarray], settings: RFGenesisSettings) -> Hits:
+def trace(scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: ObjectPoses, settings: RFGenesisSettings) -> Hits:
     """Find the first hits of all rays at all sensor poses, or at a single pose if neither sensor nor surfaces move.
 
     Raises:
@@ -198,7 +193,7 @@ def first_hits(built: geometry_module.Geometry, origins: np.ndarray, directions:
     return np.where(valid, exact, np.inf), np.abs(slope), face
 
 
-def _rigid_parts(surfaces: tuple[Surface, ...], motion: Mapping[str, np.ndarray]) -> list[tuple[list[int], np.ndarray | None]]:
+def _rigid_parts(surfaces: tuple[Surface, ...], motion: ObjectPoses) -> list[tuple[list[int], np.ndarray | None]]:
     """Group the indices of surfaces that move together. Each group has its poses (F, 4, 4); the group of static surfaces has None."""
     moving = poses_module.rigid_groups({s.name: motion[s.name] for s in surfaces if s.name in motion})
     parts: list[tuple[list[int], np.ndarray | None]] = [([i for i, s in enumerate(surfaces) if s.name not in motion], None)]

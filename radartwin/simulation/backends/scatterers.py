@@ -7,7 +7,7 @@ with the amplitude a = Gamma(0) lambda/(4 pi 2d), where Gamma(0) is the wall's r
 """
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,6 +23,7 @@ from radartwin.simulation import geometry, reflection_table
 from radartwin.simulation import poses as poses_module
 from radartwin.simulation.argument_checks import check_option, check_positive
 from radartwin.simulation.paths import Paths
+from radartwin.simulation.poses import ObjectPoses
 from radartwin.simulation.rcs import rcs
 from radartwin.store.digest import array_digest
 
@@ -67,12 +68,7 @@ class PointBackend:
     name = "points"
 
     def paths(
-        self,
-        scene: Scene,
-        radar: Radar,
-        sensor_poses: np.ndarray,
-        motion: Mapping[str, np.ndarray] | None = None,
-        track: np.ndarray | None = None,
+        self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: ObjectPoses | None = None, track: np.ndarray | None = None
     ) -> list[Paths]:
         """Return one `Paths` object per scene object and one for the room. The arguments are those of `backend.Backend.paths`.
 

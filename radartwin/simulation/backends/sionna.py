@@ -18,7 +18,7 @@ process, which imports `sionna_worker`.
 import functools
 import os
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,6 +33,7 @@ from radartwin.simulation import variant
 from radartwin.simulation.argument_checks import check_flag, check_whole
 from radartwin.simulation.backends.sionna_scene import SionnaScene, convert, limits
 from radartwin.simulation.paths import Paths
+from radartwin.simulation.poses import ObjectPoses
 
 # Default number of rays per pose. A test shows that this number finds every path of the furnished rooms down to 40 dB below the strongest.
 RAYS = 200_000
@@ -80,12 +81,7 @@ class SionnaBackend:
     name = "sionna"
 
     def paths(
-        self,
-        scene: Scene,
-        radar: Radar,
-        sensor_poses: np.ndarray,
-        motion: Mapping[str, np.ndarray] | None = None,
-        track: np.ndarray | None = None,
+        self, scene: Scene, radar: Radar, sensor_poses: np.ndarray, motion: ObjectPoses | None = None, track: np.ndarray | None = None
     ) -> list[Paths]:
         """Return one `Paths` object with mirror reflections and one with diffracted paths. The arguments are those of
         `backend.Backend.paths`.

@@ -17,6 +17,7 @@ from radartwin.radar.chirp import Radar
 from radartwin.scene.scene import Surface
 from radartwin.simulation import reflection_table
 from radartwin.simulation.geometry import MIN_AREA_M2
+from radartwin.simulation.poses import ObjectPoses
 
 COSINES = 4096  # least number of cosines of incidence in a reflection table, for errors below 3e-3 up to 89.7 degrees on stud walls
 COPLANAR_COSINE, COPLANAR_M = 1 - 1e-6, 1e-4
@@ -36,7 +37,7 @@ class SionnaScene:
     frequencies_hz: np.ndarray  # (Q,) frequency nodes
 
 
-def convert(surfaces: Sequence[Surface], motion: Mapping[str, np.ndarray], radar: Radar) -> SionnaScene:
+def convert(surfaces: Sequence[Surface], motion: ObjectPoses, radar: Radar) -> SionnaScene:
     """Merge all surfaces to one mesh, without faces smaller than MIN_AREA_M2. The power that rough surfaces scatter is lost."""
     moving = {i: motion[s.name] for i, s in enumerate(surfaces) if s.name in motion}
     frames = max((len(poses) for poses in moving.values()), default=1)
