@@ -38,9 +38,7 @@ PURPOSES = {
         "benchmark": "compare simulators on six problems with known answers",
         "dashboard": "show the runs in MLflow, on this machine only",
     },
-    "This machine": {
-        "doctor": "check this machine, or with --data a set of recordings",
-    },
+    "This machine": {"doctor": "check this machine, or with --data a set of recordings"},
 }
 
 

@@ -12,14 +12,7 @@ from radartwin.config.materials import MaterialsConfig
 from radartwin.config.radar import RadarConfig
 from radartwin.config.scene import SceneConfig
 from radartwin.config.simulator import SimulatorConfig
-from radartwin.config.study import (
-    ExperimentConfig,
-    FeaturesConfig,
-    MeasuredConfig,
-    ProfileConfig,
-    SupervisionConfig,
-    TrackingConfig,
-)
+from radartwin.config.study import ExperimentConfig, FeaturesConfig, MeasuredConfig, ProfileConfig, SupervisionConfig, TrackingConfig
 from radartwin.config.trajectory import TrajectoryConfig
 from radartwin.errors import ConfigError
 

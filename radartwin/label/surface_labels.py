@@ -49,11 +49,7 @@ class Label:
 
 
 def labelled(
-    scene: Scene,
-    answers: Mapping[int, Record],
-    indices: Sequence[int],
-    missing: Label | None,
-    transferred: Callable[[int], bool],
+    scene: Scene, answers: Mapping[int, Record], indices: Sequence[int], missing: Label | None, transferred: Callable[[int], bool]
 ) -> Scene:
     """Set the materials of the surfaces with the given indices from the model's answers about these surfaces.
 

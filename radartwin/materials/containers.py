@@ -22,13 +22,7 @@ import numpy as np
 from radartwin.errors import MaterialError
 
 CONSTANT_HZ = (10e9, 100e9)  # frequency range in which the permittivities in CONSTANT are valid; air and vacuum are valid everywhere
-CONSTANT = {
-    "pet": 2.9 * (1 - 0.01j),
-    "hdpe": 2.31 * (1 - 0.0003j),
-    "oil": 2.45 * (1 - 0.04j),
-    "air": 1.0 + 0.0j,
-    "vacuum": 1.0 + 0.0j,
-}
+CONSTANT = {"pet": 2.9 * (1 - 0.01j), "hdpe": 2.31 * (1 - 0.0003j), "oil": 2.45 * (1 - 0.04j), "air": 1.0 + 0.0j, "vacuum": 1.0 + 0.0j}
 EMPTY = ("air", "vacuum")
 SOLIDS = 2.7 * (1 - 0.02j)  # dry sugar, starch and protein: 2.5 to 3 (S. Nelson, IEEE Trans. Electr. Insul. 26 (1991) 845)
 

@@ -104,11 +104,7 @@ def _candidates(power: Real, radar: Radar, frames: int) -> tuple[NDArray[np.intp
     circular = (True, not radar.real_sampling)
     window = {"guard": tuple(guard), "training": tuple(training), "wrap": circular}
     hits, _ = ca_cfar(
-        power,
-        **window,
-        false_alarm=FALSE_ALARM,
-        looks=frames * radar.num_tx * radar.num_rx,
-        min_factor=10 ** (MIN_CONTRAST_DB / 10),
+        power, **window, false_alarm=FALSE_ALARM, looks=frames * radar.num_tx * radar.num_rx, min_factor=10 ** (MIN_CONTRAST_DB / 10)
     )
     neighbourhood = 2 * PADDING + 1
     local_maximum = power

@@ -32,12 +32,7 @@ FLOOR_DB, FLOOR_COUNTS_DB = -200.0, -20.0  # for amplitudes (relative to the tra
 
 
 def write_timeline(
-    recording: Recording,
-    path: str | Path,
-    *,
-    start_ns: int = 0,
-    pictures: list[Picture] | None = None,
-    progress: Progress | None = None,
+    recording: Recording, path: str | Path, *, start_ns: int = 0, pictures: list[Picture] | None = None, progress: Progress | None = None
 ) -> dict[str, int]:
     """Write the MCAP file of a recording.
 

@@ -93,10 +93,7 @@ class Job:
 def run(job: Job) -> Outcome:
     """Run one job of a sweep, in any process or on any machine. Return how the job ended, and write it to the job's folder."""
     started, log = time.monotonic(), job.folder / LOG
-    with (
-        log.open("w", encoding="utf-8", buffering=1) as stream,
-        contextlib.redirect_stderr(cast(Any, _Both(stream, sys.stderr))),
-    ):
+    with log.open("w", encoding="utf-8", buffering=1) as stream, contextlib.redirect_stderr(cast(Any, _Both(stream, sys.stderr))):
         outcome = _outcome(job)
     outcome = replace(outcome, seconds=round(time.monotonic() - started, 3), log=str(log) if log.stat().st_size else "")
     outcome.write(job.folder)

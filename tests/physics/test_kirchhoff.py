@@ -55,8 +55,7 @@ def test_removed_power_reappears_in_the_half_space(height, length, angle_deg):
 
 
 @pytest.mark.parametrize(
-    ("material", "angle_deg"),
-    [("metal", 0.0), ("metal", 60.0), ("concrete", 0.0), (Layered([("plasterboard", 0.0125)]), 0.0)],
+    ("material", "angle_deg"), [("metal", 0.0), ("metal", 60.0), ("concrete", 0.0), (Layered([("plasterboard", 0.0125)]), 0.0)]
 )
 def test_half_space_gets_the_fresnel_power_of_layered_faces(material, angle_deg):
     """A dielectric meets this at normal incidence only, because facets that scatter back reflect as at normal incidence."""

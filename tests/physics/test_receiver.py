@@ -37,10 +37,7 @@ def test_filter_removes_targets_beyond_the_band_which_would_fold():
         assert 20 * np.log10(np.abs(profile(synthesize(echoes_ahead(distance), radar))[1]).max()) < -least_db + 0.3, distance
 
 
-@pytest.mark.parametrize(
-    ("corners", "loss_db", "lead_deg"),
-    [((), 0.0, 0.0), ((175e3,), 0.0673, 7.12), ((175e3, 350e3), 0.330, 21.16)],
-)
+@pytest.mark.parametrize(("corners", "loss_db", "lead_deg"), [((), 0.0, 0.0), ((175e3,), 0.0673, 7.12), ((175e3, 350e3), 0.330, 21.16)])
 def test_target_at_3_m_has_the_loss_and_phase_lead_of_the_high_pass(corners, loss_db, lead_deg):
     """The beat frequency is 1.401 MHz. A stage attenuates by 10 log10(1 + (fc/f)^2) and advances the phase by atan(fc/f)."""
     plain = synthesize(echoes_ahead(3.0), RADAR)[0, 0, 0, 0]

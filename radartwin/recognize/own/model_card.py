@@ -94,10 +94,7 @@ def _training(trained: TrainedOn, epochs: int) -> list[tuple[str, str]]:
         ("duration of a revolution", f"{trained.period_s:g} s"),
         ("simulated recordings, one revolution each", str(trained.recordings)),
         ("copies of each recording", str(trained.copies)),
-        (
-            "drawn at random in the copies (factors on the ranges)",
-            _randomised(trained),
-        ),
+        ("drawn at random in the copies (factors on the ranges)", _randomised(trained)),
         ("features", "rotation without brightness"),
         ("class vectors", vectors),
         ("seed", str(trained.seed)),

@@ -114,11 +114,7 @@ class FusionReport:
 
 
 def fuse(
-    frames: Frames,
-    voxel_m: float | None = None,
-    refine: bool = True,
-    scale: str = "measured",
-    done: Callable[[], object] = lambda: None,
+    frames: Frames, voxel_m: float | None = None, refine: bool = True, scale: str = "measured", done: Callable[[], object] = lambda: None
 ) -> tuple[trimesh.Trimesh, FusionReport]:
     """Fuse frames into a coloured mesh of the surfaces that they show.
 

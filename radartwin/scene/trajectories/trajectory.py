@@ -52,11 +52,7 @@ def static(sensor_pose: ArrayLike, frames: int) -> np.ndarray:
 
 
 def turntable(
-    position: ArrayLike,
-    frames: int,
-    frame_rate_hz: float,
-    seconds_per_revolution: float = 25.0,
-    start_rad: float = 0.0,
+    position: ArrayLike, frames: int, frame_rate_hz: float, seconds_per_revolution: float = 25.0, start_rad: float = 0.0
 ) -> np.ndarray:
     """Return the poses (F, 4, 4) of an object on a turntable, which turns counter-clockwise, seen from above.
 

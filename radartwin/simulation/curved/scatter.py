@@ -139,11 +139,7 @@ def footprint_moments(alpha: Any, beta: Any) -> list[list[tuple[Any, Any]]]:
         steep = (dr.abs(alpha) > STEEP) & (dr.abs(alpha) > 3.9 * dr.abs(beta))
         inverse = dr.rcp(slope)
         tip, kink = (-cosine * end, sine * end), dr.square(inverse)
-        far = [
-            (tip[0] + kink * (1 + 2 * beta * inverse), tip[1] - inverse),
-            (side * (tip[0] - kink), side * tip[1]),
-            tip,
-        ]
+        far = [(tip[0] + kink * (1 + 2 * beta * inverse), tip[1] - inverse), (side * (tip[0] - kink), side * tip[1]), tip]
         halves.append([tuple(dr.select(steep, f, m) for f, m in zip(*pair, strict=True)) for pair in zip(far, moments, strict=True)])
     return halves
 
