@@ -51,14 +51,14 @@ TABLE = Table(
     "number of held-out frames. The fixed default is the cheapest single setting known to work for all cases. A value is the "
     "processor time per frame of the fixed default divided by that of the chosen model: the median and the range over n rounds. "
     "Two columns give the time of the choice, and the number of frames after which the choice has saved that time. The median over "
-    "cases uses one feature set per case, that of its motion; its interval is a bootstrap over cases. The quick profile has one case and "
-    "leaves out the set of all features.",
+    "cases uses one feature set per case, that of its motion; its interval is a bootstrap over cases. The quick profile has one case, "
+    "times fewer frames, and leaves out the set of all features.",
     timed=True,
 )
 
 PROBED = ("radartwin.adaptive.probe",)  # the cache keys of recordings depend on the code of these modules
-# Number of rounds of timing, and of frames, None for all of a probe
-QUICK, PAPER = (1, 12), (2, None)
+# Number of rounds of timing, and of frames of the longer recording, None for all of a probe
+QUICK, PAPER = (1, 16), (2, None)
 # Feature sets of each motion: sets that a claim of a table needs, the set named after the motion, and all features of the motion.
 _DRIVEN = {"track": ("track",), "depth": SETS["depth"], EVERYTHING: MOTION_FAMILIES["depth"]}
 ASKED: dict[str, dict[str, tuple[str, ...]]] = {

@@ -1,7 +1,7 @@
 """Measure the run time of simulation models per frame of a whole recording, from a short and a longer simulated recording.
 
-A recording of all frames of a `Probe` and one of half as many give the fixed part of the run time (such as tracing the room once for a
-radar at rest) and the part per frame. The models are timed in turn, in several rounds, each with an empty cache and after the kernels are
+A longer recording and one of FEW frames give the fixed part of the run time (such as tracing the room once for a radar at rest) and the
+part per frame. The models are timed in turn, in several rounds, each with an empty cache and after the kernels are
 compiled.
 """
 
@@ -21,18 +21,22 @@ from radartwin.store.products import Store, save_json
 
 ROOTS = ("experiments.complexity.timing",)
 FRAMES = 250, 50  # number of frames of a revolution, and of a drive
+FEW = 10  # frames of the shorter recording, in two blocks (`simulate.FIRST_FRAMES`) as those of the longer one
 
 
 def seconds(
     probe_of: Callable[[int | None, bool], Probe], models: Sequence[Model], rounds: int, store: Store, frames: int | None = None
 ) -> dict[Model, list[float]]:
-    """Return the run time in core-seconds per frame of a whole recording: for each model, a list with one value per round. `probe_of` is a
-    function (number of frames, whether to take frames between the probe's frames) -> probe; `frames` is the number to time, None for all.
+    """Return the run time in core-seconds per frame of a whole recording: for each model, a list with one value per round.
+
+    Args:
+        probe_of: function (number of frames, whether to take frames between the probe's frames) -> probe.
+        frames: number of frames of the longer recording; None for all of the probe.
     """
-    many = probe_of(frames, False)
-    few = probe_of((many.frames + 1) // 2, False)
+    few, many = probe_of(FEW, False), probe_of(frames, False)
     ordered = sorted(set(models), key=lambda model: model.told)
-    spec: dict[str, Any] = {**few.described(), "families": None, "models": ordered, "rounds": rounds, "machine": machine()}
+    timed = {"models": ordered, "frames": many.frames, "rounds": rounds, "machine": machine()}
+    spec: dict[str, Any] = {**few.described(), "families": None, **timed}
 
     def build(folder: Path) -> None:
         for model in ordered:  # compiles kernels and allocates memory that later recordings reuse

@@ -43,7 +43,7 @@ SHADOW_ROUND, SHADOW_ASPECTS = 64, 128
 TAPS = 8  # number of aspects from which one chirp is interpolated
 HIGHEST_HZ = 79e9  # frequency in Hz for which `needed` computes the number of aspects
 FINER = 2  # number of angles between which the window interpolates, divided by the number of aspects
-BATCH = 64  # number of aspects that the simulator traces together; limits memory
+BATCH = 64  # number of aspects, or of frames of a turning target, that are traced together; limits memory
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,10 @@ from scipy.integrate import quad
 from scipy.special import erfcx
 
 import radartwin as rt
+from radartwin.simulation import geometry, reflection_table, variant
 from radartwin.simulation.backends.trace_settings import TraceSettings
-from radartwin.simulation.curved import rims
+from radartwin.simulation.curved import rims, tube_grid
+from radartwin.simulation.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.simulate import trace_paths
 
 OUTLINES_MM = {  # (radius, height)
@@ -183,3 +185,17 @@ def test_fringe_currents_off_the_cone_are_those_of_a_half_plane(source):
         integral, _ = quad(lambda t, mu=mu: erfcx(np.sqrt(2 * t) * np.cos(source / 2)) * np.exp((mu - 1) * t), 0, np.inf)
         moment = rims._face(x, n, 2.0, way, away, np.zeros(3), z, x)
         assert moment == pytest.approx(integral / (2 * sine), rel=1e-6)
+
+
+def test_a_radar_near_a_body_sees_the_echo_of_each_rim_once():
+    """The six grids around the radar have together the rim echoes of the one grid towards the body."""
+    variant.activate()
+    can, place = geometry.build([body("can")]), np.array([[0.3, 0.05, 0.2]])
+    table, antenna = reflection_table.build([("metal", 0.0)], FREQUENCY), Antennas(place, np.array([[0.0, 0.0, 1.0]]))
+    rotation = trimesh.transformations.rotation_matrix(1.25 * np.pi + 0.165, [0, 0, 1])[:3, :3]  # an edge of the cube before the can
+    whole = tube_grid.towards(can.hull_points(), place, can.centre, WAVELENGTH, (0.0, 0.0))
+    grids = [whole, *tube_grid.all_around(place, rotation[None], 60_000)]
+    once, *found = [Hits.concatenate(rims.hits(can, table, grid, antenna, antenna, TraceOptions(1))).length_in_m for grid in grids]
+    assert len(once) > 50
+    assert np.count_nonzero([len(each) for each in found]) > 1
+    assert np.sort(np.concatenate(found)) == pytest.approx(np.sort(once))

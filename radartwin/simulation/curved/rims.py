@@ -116,6 +116,9 @@ def hits(
     if options.least is not None:
         floor = np.maximum(floor, EARLY * options.least)
     pose, piece = np.nonzero((level > 0) & (level >= floor[:, None]))
+    if not grid.plane:  # a place near the geometry has several grids
+        within = grid.covers(pose, rims.middle[piece])
+        pose, piece = pose[within], piece[within]
     if not geometry.convex:
         seen = _visible(geometry, rims, grid, receive.position, pose, piece)
         pose, piece = pose[seen], piece[seen]

@@ -45,6 +45,16 @@ class TubeGrid:
         names = "source", "forward", "u_axis", "v_axis", "low_u", "low_v", "step_u", "step_v"
         return replace(self, **{name: getattr(self, name)[keep] for name in names})
 
+    def covers(self, pose: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Return a mask (N,) of the points (N, 3) in the solid angle of the grid of each pose (N,). Grids around a place share no point."""
+        way = points - self.source[pose]
+        depth, u, v = (np.einsum("ni,ni->n", way, axis[pose]) for axis in (self.forward, self.u_axis, self.v_axis))
+        out = depth > 0
+        for at, low, step, count in ((u, self.low_u, self.step_u, self.count_u), (v, self.low_v, self.step_v, self.count_v)):
+            cell = np.floor((at / np.maximum(depth, 1e-30) - low[pose]) / step[pose] + 0.5)
+            out &= (cell >= 0) & (cell < count)
+        return out
+
     def distinct(self, axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the sensor poses that have different grids or axes (F, 3) of the transmit antenna, and for each pose the number (F,) of
         its grid and axis among these.
