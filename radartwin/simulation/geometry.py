@@ -119,7 +119,7 @@ class Geometry:
         try:
             return points[ConvexHull(points).vertices]
         except QhullError:  # a flat geometry has no convex hull with a volume
-            return points[:: len(points) // 4000] if len(points) > 40_000 else points
+            return points if len(points) <= 40_000 else points[ConvexHull(points, qhull_options="QJ").vertices]
 
     @functools.cached_property
     def scene(self) -> Any:

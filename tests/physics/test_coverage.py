@@ -62,6 +62,17 @@ def test_tubes_around_a_radar_leave_out_only_directions_without_the_body() -> No
     assert left_out > 100
 
 
+def test_the_points_of_a_flat_mesh_of_many_faces_span_all_of_it() -> None:
+    u, v = np.meshgrid(np.linspace(0, 1, 210), np.linspace(0, 2, 210))
+    turn = trimesh.transformations.rotation_matrix(0.7, [1.0, 2.0, 3.0])[:3, :3]
+    points = np.column_stack([u.ravel(), v.ravel(), 0 * u.ravel()]) @ turn
+    rows = np.arange(209 * 210).reshape(209, 210)[:, :-1].ravel()
+    faces = np.concatenate([np.stack([rows, rows + 1, rows + 210], axis=1), np.stack([rows + 1, rows + 211, rows + 210], axis=1)])
+    hull = geometry.build([trimesh.Trimesh(points, faces, process=False)]).hull_points()
+    assert len(hull) < len(points)
+    assert (hull.min(axis=0), hull.max(axis=0)) == (pytest.approx(points.min(axis=0)), pytest.approx(points.max(axis=0)))
+
+
 def test_too_many_tubes_for_an_index_are_refused() -> None:
     grid = tube_grid.all_around(np.zeros((200, 3)), np.tile(np.eye(3), (200, 1, 1)), 6 * 8000**2)[0]
     with pytest.raises(BackendError, match="exceed the limit"):
