@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from radartwin.errors import BackendError
 from radartwin.radar.chirp import Radar
@@ -51,7 +52,7 @@ def test_objects_that_need_more_tubes_than_the_limit_are_named(monkeypatch: pyte
 def test_tubes_around_a_radar_leave_out_only_directions_without_the_body() -> None:
     random, left_out = np.random.default_rng(1), 0
     for _ in range(50):
-        rotation, source = trimesh.transformations.random_rotation_matrix(random.random(3))[:3, :3], random.normal(size=3)
+        rotation, source = Rotation.random(rng=random).as_matrix(), random.normal(size=3)
         corners = source + random.normal(size=(4, 3)) + random.normal(size=3)
         inside = (random.dirichlet(np.ones(4), 2000) @ corners - source) @ rotation  # points of the body in the sensor's frame
         axis = np.abs(inside).argmax(axis=1)
@@ -64,7 +65,7 @@ def test_tubes_around_a_radar_leave_out_only_directions_without_the_body() -> No
 
 def test_the_points_of_a_flat_mesh_of_many_faces_span_all_of_it() -> None:
     u, v = np.meshgrid(np.linspace(0, 1, 210), np.linspace(0, 2, 210))
-    turn = trimesh.transformations.rotation_matrix(0.7, [1.0, 2.0, 3.0])[:3, :3]
+    turn = Rotation.from_rotvec([0.2, 0.4, 0.6]).as_matrix()
     points = np.column_stack([u.ravel(), v.ravel(), 0 * u.ravel()]) @ turn
     rows = np.arange(209 * 210).reshape(209, 210)[:, :-1].ravel()
     faces = np.concatenate([np.stack([rows, rows + 1, rows + 210], axis=1), np.stack([rows + 1, rows + 211, rows + 210], axis=1)])

@@ -8,6 +8,7 @@ import trimesh
 from physics_helpers import FREQUENCY, WAVELENGTH, K
 from posing import posed
 from scipy.integrate import quad
+from scipy.spatial.transform import Rotation
 from scipy.special import erfcx
 
 import radartwin as rt
@@ -192,10 +193,20 @@ def test_a_radar_near_a_body_sees_the_echo_of_each_rim_once():
     variant.activate()
     can, place = geometry.build([body("can")]), np.array([[0.3, 0.05, 0.2]])
     table, antenna = reflection_table.build([("metal", 0.0)], FREQUENCY), Antennas(place, np.array([[0.0, 0.0, 1.0]]))
-    rotation = trimesh.transformations.rotation_matrix(1.25 * np.pi + 0.165, [0, 0, 1])[:3, :3]  # an edge of the cube before the can
+    rotation = Rotation.from_euler("z", 1.25 * np.pi + 0.165).as_matrix()  # an edge of the cube is before the can
     whole = tube_grid.towards(can.hull_points(), place, can.centre, WAVELENGTH, (0.0, 0.0))
+    assert whole is not None
     grids = [whole, *tube_grid.all_around(place, rotation[None], 60_000)]
     once, *found = [Hits.concatenate(rims.hits(can, table, grid, antenna, antenna, TraceOptions(1))).length_in_m for grid in grids]
     assert len(once) > 50
     assert np.count_nonzero([len(each) for each in found]) > 1
     assert np.sort(np.concatenate(found)) == pytest.approx(np.sort(once))
+
+
+def test_a_grid_contains_the_points_that_span_it():
+    corners = np.array([[1.0, y, z] for y in (-0.1, 0.2) for z in (-0.3, 0.1)]) / 3
+    for turn in np.arange(0.0, 6.0, 0.7):
+        points = Rotation.from_rotvec(turn * np.array([0.4, 0.9, 0.2])).apply(corners)
+        grid = tube_grid.towards(points, np.zeros((1, 3)), points.mean(axis=0), 0.004, (0.0, 0.0))
+        assert grid is not None
+        assert grid.covers(np.zeros(4, int), points).all()

@@ -51,7 +51,7 @@ class TubeGrid:
         depth, u, v = (np.einsum("ni,ni->n", way, axis[pose]) for axis in (self.forward, self.u_axis, self.v_axis))
         out = depth > 0
         for at, low, step, count in ((u, self.low_u, self.step_u, self.count_u), (v, self.low_v, self.step_v, self.count_v)):
-            cell = np.floor((at / np.maximum(depth, 1e-30) - low[pose]) / step[pose] + 0.5)
+            cell = np.floor((at / np.maximum(depth, 1e-30) - low[pose]) / step[pose] + 0.5 + 1e-9)  # a point on the low side is inside
             out &= (cell >= 0) & (cell < count)
         return out
 
