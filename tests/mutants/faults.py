@@ -60,6 +60,7 @@ simulation/curved/rims: physics/test_rims
 _face | (dot(z, away) - cosine) * cot | 0 * cot | fringe currents have the form in the plane perpendicular to the edge
 _face | mu * cot * b | 0 * b | oblique waves have no fringe currents along the edge
 _face | 1 / opening - (1.0 if lit else 0.0) | 1 / opening | physical optics ends at the edge without charges
+hits | grid.covers(pose, rims.middle[piece]) | np.ones(len(pose), bool) | each grid around a place has the echoes of all rims
 _strengths | 2 * math.pi * (1.0 if plane else there * back) | 4 * math.pi * (1.0 if plane else there * back) | fringe currents are halved
 _inside | sign * dot(rims.normal[m, 1], ray) < 0 | True | a rim is hidden although the radar sees one of its faces
 
