@@ -145,8 +145,6 @@ def measure(
     The first call compiles the kernels. After two repetitions there are `rounds` more in alternating order, because a method can be slower
     after another one. A method whose repetition takes more than `slow_s` seconds is timed once.
     """
-    gc.collect()
-    gc.freeze()  # else each object of class Peak searches all objects of the program for garbage
     calls = itertools.count(1)
     timed = [Timed(problem, method, calls) for method in methods]
     most = min(len(next(iter(part.motion.values()), part.sensor)) for part in problem.parts)
@@ -160,7 +158,6 @@ def measure(
                 if not timing.times or (length_s < slow_s and not timing.method.published):
                     timing.times.append(timing.once())
         rows = [timing.row() for timing in timed]
-    gc.unfreeze()
     for timing in timed:
         say(f"  {problem.name}: {timing.method.name}: {np.median(timing.times, axis=0)[0] * 1e3:.3g} ms a frame")
     return rows
