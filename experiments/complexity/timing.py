@@ -1,8 +1,7 @@
 """Measure the run time of simulation models per frame of a whole recording, from a short and a longer simulated recording.
 
 A longer recording and one of FEW frames give the fixed part of the run time (such as tracing the room once for a radar at rest) and the
-part per frame. The models are timed in turn, in several rounds, each with an empty cache and after the kernels are
-compiled.
+part per frame. The models are timed in turn, in several rounds, each with an empty cache and after the kernels are compiled.
 """
 
 import tempfile

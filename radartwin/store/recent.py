@@ -33,10 +33,13 @@ class Recent(Generic[T]):
         with self._lock:
             if key in self._values:
                 return self._values[key][0]
-        value = make()
-        with self._lock, contextlib.suppress(ValueError):  # the size alone exceeds the limit
-            self._values[key] = value, size
+        self.put(key, size, value := make())
         return value
+
+    def put(self, key: Hashable, size: float, value: T) -> None:
+        """Keep `value` in place of an earlier value of `key`, unless `size` exceeds the limit."""
+        with self._lock, contextlib.suppress(ValueError):
+            self._values[key] = value, size
 
     def clear(self) -> None:
         """Drop all values."""

@@ -64,14 +64,14 @@ def test_tubes_around_a_radar_leave_out_only_directions_without_the_body() -> No
 
 
 def test_the_points_of_a_flat_mesh_of_many_faces_span_all_of_it() -> None:
-    u, v = np.meshgrid(np.linspace(0, 1, 210), np.linspace(0, 2, 210))
-    turn = Rotation.from_rotvec([0.2, 0.4, 0.6]).as_matrix()
-    points = np.column_stack([u.ravel(), v.ravel(), 0 * u.ravel()]) @ turn
-    rows = np.arange(209 * 210).reshape(209, 210)[:, :-1].ravel()
-    faces = np.concatenate([np.stack([rows, rows + 1, rows + 210], axis=1), np.stack([rows + 1, rows + 211, rows + 210], axis=1)])
-    hull = geometry.build([trimesh.Trimesh(points, faces, process=False)]).hull_points()
-    assert len(hull) < len(points)
-    assert (hull.min(axis=0), hull.max(axis=0)) == (pytest.approx(points.min(axis=0)), pytest.approx(points.max(axis=0)))
+    mesh = trimesh.Trimesh(
+        Rotation.from_rotvec([0.2, 0.4, 0.6]).apply([[0, 0, 0], [1, 0, 0], [1, 2, 0], [0, 2, 0]]), [[0, 1, 2], [0, 2, 3]]
+    )
+    for _ in range(8):
+        mesh = mesh.subdivide()
+    hull = geometry.build([mesh]).hull_points()
+    assert len(hull) < len(mesh.vertices)
+    assert np.stack([hull.min(axis=0), hull.max(axis=0)]) == pytest.approx(mesh.bounds)
 
 
 def test_too_many_tubes_for_an_index_are_refused() -> None:

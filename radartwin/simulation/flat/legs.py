@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from cachetools import LRUCache
 
 from radartwin.compiled import compiled, each, fixed, innermost, shared_out
 from radartwin.simulation.flat.field import NUDGE, Walls, contains, image, images_of, polarised, travelled
@@ -50,9 +49,7 @@ KEPT = 64  # number of cache entries, each for a few places
 _kept: "Recent[tuple[FlatRoom, Legs]]" = Recent(KEPT)  # an entry also holds the room, so that no other room gets its id
 # The places at which the sharp fields of a grid of n^3 places are evaluated, by the id of the legs, and place * G + leg: the legs, so that
 # no others get the id, the row (n^3,) of each place, -1 for none, and the fields (K, Q) of the rows; 500 MB in all.
-_evaluated: "LRUCache[tuple[int, int], tuple[Legs, np.ndarray, np.ndarray]]" = LRUCache(
-    500_000_000, getsizeof=lambda entry: entry[1].nbytes + entry[2].nbytes
-)
+_evaluated: "Recent[tuple[Legs, np.ndarray, np.ndarray]]" = Recent(500_000_000)
 
 
 @dataclass(frozen=True)
@@ -124,10 +121,8 @@ class Legs:
         assert self.exact is not None
         place, leg = divmod(code, len(self.order))
         side = int(np.clip(np.ceil(self.size / self.sharp[place, leg]), 4, MOST)) + 1
-        if (id(self), code) in _evaluated:
-            _, row, field = _evaluated[id(self), code]
-        else:
-            row, field = np.full(side**3, -1, np.int32), np.zeros((0, len(self.frequencies_hz)), complex)
+        none = self, np.full(side**3, -1, np.int32), np.zeros((0, len(self.frequencies_hz)), complex)
+        _, row, field = _evaluated.get((id(self), code), none[1].nbytes, lambda: none)
         cell = np.minimum((np.clip((points - self.low[place]) / self.size, 0, 1) * (side - 1)).astype(int), side - 2)
         near = np.zeros((side, side, side), bool)
         for corner in np.ndindex(2, 2, 2):
@@ -135,9 +130,10 @@ class Legs:
         if len(missing := np.flatnonzero(near.ravel() & (row < 0))):
             steps = np.stack(np.unravel_index(missing, near.shape), axis=1)
             added = self.exact(place, leg, self.low[place] + steps * (self.size / (side - 1)))
+            row = row.copy()  # another thread may read the kept one
             row[missing] = len(field) + np.arange(len(missing))
             field = np.concatenate([field, added])
-            _evaluated[id(self), code] = self, row, field
+            _evaluated.put((id(self), code), row.nbytes + field.nbytes, (self, row, field))
         return side, row, field
 
 
