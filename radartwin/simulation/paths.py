@@ -92,7 +92,7 @@ class Paths:
         """Join `Paths` objects that have the same sensor poses and frequency nodes, and sort the joined paths by pose."""
         first = parts[0]
         names = [f.name for f in fields(first) if f.name not in ("poses", "frequencies_hz") and getattr(first, f.name) is not None]
-        order = np.argsort(np.concatenate([part.pose for part in parts]), kind="stable")
+        order = slice(None) if first.poses == 1 else np.argsort(np.concatenate([part.pose for part in parts]), kind="stable")
         joined = {name: np.concatenate([getattr(part, name) for part in parts])[order] for name in names}
         return Paths(poses=first.poses, frequencies_hz=first.frequencies_hz, **joined)
 

@@ -206,7 +206,7 @@ _place | place[r, i] + direction[n, i] * length[n] | place[r, i] + direction[n, 
 _place | rotation[r, i, 1] * direction[n, 1] | -rotation[r, i, 1] * direction[n, 1] | directions at the sensor are mirrored
 _Pairs.weighed | legs.weigh(amplitude, self.place[row], leg[row], point) | legs | legs have no amplitudes
 _strong_pairs | [place, share] | [place, 0 * share + share.min()] | pairs of legs have the smallest share of all poses
-_found | hits.where(keep) | hits.where(np.arange(min(1, len(keep)))) | only one hit of each block of pairs is kept
+_found | level >= EARLY * (prune * most[block.frame[hits.pose]]) | np.arange(len(level)) < 1 | only one hit of each block of pairs is kept
 _found | close[pairs.frame] | close.any() | one pose close to an object uncouples all poses
 
 simulation/flat/legs: physics/test_coupling

@@ -20,7 +20,7 @@ from radartwin.compiled import compiled, fixed, shared_out
 from radartwin.constants import SPEED_OF_LIGHT
 from radartwin.radar.chirp import Radar
 from radartwin.simulation import poses as poses_module
-from radartwin.simulation import visibility
+from radartwin.simulation import pruning, visibility
 from radartwin.simulation.backends import tube_paths
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.backends.tube_paths import Target
@@ -33,7 +33,7 @@ from radartwin.simulation.flat.room import FlatRoom
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.hits import Antennas, Hits, TraceOptions
 from radartwin.simulation.paths import Paths
-from radartwin.simulation.pruning import EARLY, LEGS, PRUNE, SHADED, TRACED, both_gains, largest, strong_masks
+from radartwin.simulation.pruning import EARLY, LEGS, PRUNE, SHADED, TRACED, both_gains, largest
 from radartwin.simulation.reflection_table import lagrange_basis
 
 AT_ONCE = 500_000  # about as many hits are traced at once before the weak ones among them are dropped; limits memory
@@ -122,7 +122,21 @@ def _found(
     np.maximum.at(most, hits.pose, level if body is not None else level * (cell_m / direct_cell_m) ** 2)
     # A pair has about as many hits as the pose with most direct hits. Pruned at STRONGEST, there are about 20 times fewer.
     per_pair = np.bincount(hits.pose, minlength=1).max() * (20 if estimated else 1)
-    traced = [(straight, hits if direct else Hits.none(len(group.table.frequencies_hz)), level if direct else level[:0])]
+    loudest, kept = np.zeros(frames), []
+
+    def keep(block: _Pairs, hits: Hits, level: np.ndarray) -> None:
+        # 4. Weight: the field of the two legs at each hit. Millions of hits take gigabytes, so that weak paths are dropped at once.
+        near = np.flatnonzero((level > 0) & (level >= EARLY * (prune * most[block.frame[hits.pose]])))
+        hits, level = hits.where(near), level[near]
+        part = block.weighed(hits, group.table.frequencies_hz, object_poses)
+        loud = pruning.level(part, radar)
+        np.maximum.at(loudest, part.pose, loud)
+        strong = np.flatnonzero((loud > 0) & (loud >= prune * loudest[part.pose]))
+        cross = (block.out_leg != block.back_leg)[hits.pose]
+        kept.append((part.where(strong), level[strong], loud[strong], hits.first_m[strong], cross[strong]))
+
+    keep(straight, *((hits, level) if direct else (Hits.none(len(group.table.frequencies_hz)), level[:0])))
+    del hits
     floor = prune * most
     many = np.bincount(pairs.frame, minlength=frames) * per_pair * (direct_cell_m / coupled_cell_m) ** 2 > MANY
     weak = many[pairs.frame] & (pairs.strength < WEAK * share[pairs.frame])
@@ -134,24 +148,14 @@ def _found(
             within = hits.bounce + block.reflections[hits.pose] <= settings.max_bounces
             level = largest(hits.amplitude) * block.strength[hits.pose] * within
             np.maximum.at(most, block.frame[hits.pose], level)
-            keep = _strong(block, hits, level, prune * most)
-            traced.append((block, hits.where(keep), level[keep]))
-
-    # 4. Weight: the field of the two legs at each hit.
-    parts, firsts, crosses = [], [], []
-    traced.reverse()
-    while traced:  # lists of millions of hits take gigabytes
-        block, hits, level = traced.pop()
-        hits = hits.where(_strong(block, hits, level, prune * most))
-        parts.append(block.weighed(hits, group.table.frequencies_hz, object_poses))
-        firsts.append(hits.first_m)
-        crosses.append((block.out_leg != block.back_leg)[hits.pose])
-    del hits, level
-    kept: list[list[Paths]] = []
-    for first, cross, mask in zip(firsts, crosses, strong_masks(parts, radar, prune), strict=True):
-        keep = np.flatnonzero(mask)
-        kept.append(_both_ways(parts.pop(0).where(keep), first[keep], cross[keep]))
-    return kept[0], [*sharp, *(part for both in kept[1:] for part in both)]
+            keep(block, hits, level)
+            del hits
+    both: list[list[Paths]] = []
+    while kept:
+        part, level, loud, first, cross = kept.pop(0)
+        strong = np.flatnonzero((level >= EARLY * (prune * most[part.pose])) & (loud >= prune * loudest[part.pose]))
+        both.append(_both_ways(part.where(strong), first[strong], cross[strong]))
+    return both[0], [*sharp, *(part for ways in both[1:] for part in ways)]
 
 
 def shadows_of_movers(
@@ -242,11 +246,6 @@ def _strong_pairs(legs: Legs, place: np.ndarray, max_bounces: int, share: np.nda
         pairs.append(np.stack([np.full(len(i), int(u)), worth[i], worth[j]]))
     frame = np.repeat(np.arange(len(place)), [pairs[k].shape[1] for k in kind.ravel()])
     return frame, np.concatenate([np.zeros((3, 0), int), *(pairs[k] for k in kind.ravel())], axis=1)
-
-
-def _strong(pairs: "_Pairs", hits: Hits, level: np.ndarray, floor: np.ndarray) -> np.ndarray:
-    """Return the mask of the hits whose level (H,) is not too weak beside the smallest amplitude `floor` (F,) of each pose."""
-    return (level > 0) & (level >= EARLY * floor[pairs.frame[hits.pose]])
 
 
 def _both_ways(part: Paths, first_m: np.ndarray, cross: np.ndarray) -> list[Paths]:

@@ -8,7 +8,7 @@ a whole.
 
 import atexit
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -187,20 +187,20 @@ class StaticScene:
 
     def object_paths(
         self, settings: TraceSettings, poses: np.ndarray, radar: Radar, least: np.ndarray | None = None, direct: bool = True
-    ) -> list[Paths]:
-        """Trace the small or curved static objects in a room of flat faces, without paths over the room whose amplitude is below `least`
-        (F,). If `direct` is False, return only the paths between these objects and the room.
+    ) -> Iterator[Paths]:
+        """Trace the small or curved static objects in a room of flat faces one by one, because an object can have a million paths.
+
+        Paths over the room whose amplitude is below `least` (F,) are left out. If `direct` is False, only the paths between these objects
+        and the room are returned.
         """
         geometry = self.geometry
         unmoved = np.tile(np.eye(4), (len(poses), 1, 1))
         done: list[int] = []  # indices of the objects that are already traced, so that paths between two objects are traced only once
-        parts: list[Paths] = []
         for cluster in clusters(self.surfaces, np.unique(geometry.surface[self.compact])):
             members = np.isin(geometry.surface, cluster) & self.compact
             group = Target(geometry_module.subset(geometry, members), self.table)
-            parts += coupling.group_paths(settings, group, self.beside(cluster, done), radar, poses, unmoved, least=least, direct=direct)
+            yield from coupling.group_paths(settings, group, self.beside(cluster, done), radar, poses, unmoved, least=least, direct=direct)
             done += cluster
-        return parts
 
 
 def static_scene(surfaces: list[Surface], radar: Radar) -> StaticScene:

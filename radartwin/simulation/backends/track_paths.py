@@ -301,9 +301,8 @@ class Track:
         for block in np.array_split(places, -(-len(places) // TOGETHER)):
             if not set(block) & set(index) or int(block[0]) in self._of_place:
                 continue
-            parts = room.object_paths(settings, self._places[block], self._radar, least[block], direct=sparse)
-            if sparse:
-                parts = [pruning.pruned(part, self._radar, pruning.CLUTTER) for part in parts]
+            found = room.object_paths(settings, self._places[block], self._radar, least[block], direct=sparse)
+            parts = [pruning.pruned(part, self._radar, pruning.CLUTTER) if sparse else part for part in found]
             self._of_place |= {place: [part.frames(k, k + 1) for part in parts] for k, place in enumerate(block)}
         return self._joined([index[k : k + 1] for k in range(len(index))], [self._of_place[place] for place in index])
 
