@@ -1,10 +1,13 @@
 """Radar drives along one planned track share their propagation paths. The tests compare them with paths traced for each drive alone."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from physics_helpers import relative_error
 
 import radartwin as rt
+from radartwin.radar.if_filter import IfFilter
 from radartwin.scene import objects, rooms
 from radartwin.scene.trajectories import trajectory
 from radartwin.simulation.backends.mitsuba import TraceSettings
@@ -97,6 +100,22 @@ def test_room_samples_are_the_received_paths_of_the_room(drive):
     assert np.array_equal(samples, received(drives.room(actual), RADAR, len(actual), elements="exact", oscillator=None))
     assert drives.room_samples(actual.copy()) is samples  # the result is cached by the poses
     assert not np.array_equal(drives.room_samples(nominal), samples)
+
+
+def test_stored_samples_are_those_of_the_radars_band_and_of_the_correlation_length():
+    """The receive filter of a radar with real sampling passes half of the band. The wall at 7 m lies in the other half."""
+    pose, mesh = trajectory.look_at([0, 0, 0], [7, 0, 0])[None], objects.box((7, -1.5, -1), (7.1, 1.5, 1))
+    radar = dataclasses.replace(RADAR, num_chirps=2, if_filter=IfFilter((175e3, 350e3)))
+
+    def samples(of, correlation_m):
+        track = Track.of_drives([rt.Surface(mesh, "concrete", "wall", 1e-3, "room", {}, correlation_m)], of, pose, SETTINGS)
+        stored, computed = track.room_samples(pose), received(track.room(pose), of, 1, elements="exact", oscillator=None)
+        assert relative_error(stored, computed) < 1e-9
+        return stored
+
+    usual, half, smooth = samples(radar, 5e-3), samples(dataclasses.replace(radar, real_sampling=True), 5e-3), samples(radar, 20e-3)
+    assert np.linalg.norm(half) < 0.01 * np.linalg.norm(usual)
+    assert relative_error(smooth, usual) > 0.01
 
 
 def test_a_similar_room_shares_its_sequences(drive, monkeypatch):

@@ -208,7 +208,7 @@ def static_scene(surfaces: list[Surface], radar: Radar) -> StaticScene:
     geometry, table = target(surfaces, radar)
     # The meshes are copied, so that a later change of a mesh does not change the prepared surfaces.
     return _static_scenes.get(
-        (geometry, id(table), *((s.name, s.role) for s in surfaces)), len(geometry.corners),
+        (geometry, id(table), *((s.name, s.role, s.correlation_m) for s in surfaces)), len(geometry.corners),
         lambda: StaticScene([s.replaced(mesh=s.mesh.copy()) for s in surfaces], geometry, table),
     )  # fmt: skip
 

@@ -43,7 +43,7 @@ TOGETHER = 5  # largest number of places traced at once; limits memory
 RESTING = 12  # number of resting objects, such as the parts of a turntable's stand, whose paths are cached
 # Fields of the radar that do not change the noiseless samples of one chirp of a resting radar.
 UNREAD_AT_REST = (
-    "name", "num_chirps", "chirp_interval", "frame_rate_hz", "noise_figure_db", "transmit_power_dbm", "real_sampling", "phase_noise",
+    "name", "num_chirps", "chirp_interval", "frame_rate_hz", "noise_figure_db", "transmit_power_dbm", "phase_noise",
 )  # fmt: skip
 ASIDE_M = 0.015  # placement error of an object: three standard deviations
 BALL_M, BALL_STEP = 0.1, 1.5  # smallest radius of the balls around objects for which legs are searched, and ratio of successive radii
@@ -233,7 +233,7 @@ class Track:
         assert room is not None
         return {
             "settings": replace(self._settings, variant=variant.activate(self._settings.variant)),
-            "surfaces": [(s.kind, s.name, s.roughness_m, str(s.material)) for s in room.surfaces],
+            "surfaces": [(s.kind, s.name, s.roughness_m, s.correlation_m, str(s.material)) for s in room.surfaces],
             "geometry": room.geometry.digest,
             "track": array_digest(self._poses),  # for which the sequences of faces and edges are searched
             "sparse": self._sparse,
