@@ -75,6 +75,16 @@ def test_moved_paths_have_the_signal_of_paths_traced_at_every_pose():
     assert np.linalg.norm(fast - every) < 0.15 * coupled
 
 
+def test_paths_of_flat_objects_are_traced_at_every_pose():
+    """The mirror point of a flat face moves with the radar."""
+    box = rt.Surface(trimesh.creation.box((0.3, 0.3, 0.3)).apply_translation([1.15, 0, -0.345]), "metal", "box", role="object")
+    poses, settings = sideways(np.arange(4) * 0.015), (EXACT, replace(EXACT, coupling=False), TraceSettings(max_bounces=2))
+    parts = (trace_paths(rt.Scene([next(iter(scene())), box]), RADAR, poses, None, each)[0] for each in settings)
+    every, alone, usual = (received(part, RADAR, len(poses)) for part in parts)
+    assert relative_error(alone, every) > 0.1  # the paths over the floor matter
+    assert relative_error(usual, every) < 1e-4  # the reflections of the room have single precision
+
+
 def test_moved_paths_have_their_doppler():
     """The radar moves by 0.9 m/s, and a frame takes 13 ms."""
     radar = replace(RADAR, num_chirps=32, chirp_interval=2e-4, frame_rate_hz=60.0)

@@ -25,7 +25,7 @@ from radartwin.simulation.backends import coupling
 from radartwin.simulation.backends.trace_settings import TraceSettings
 from radartwin.simulation.backends.tube_paths import Target, clusters
 from radartwin.simulation.flat import faces as faces_module
-from radartwin.simulation.flat import obstacles, shadows, silhouette
+from radartwin.simulation.flat import obstacles, polygons, shadows, silhouette
 from radartwin.simulation.flat.room import FlatRoom, RoomWarning, Searched
 from radartwin.simulation.geometry import Geometry
 from radartwin.simulation.paths import Paths, made_once
@@ -186,12 +186,13 @@ class StaticScene:
         return replace(part, amplitude=amplitude)
 
     def object_paths(
-        self, settings: TraceSettings, poses: np.ndarray, radar: Radar, least: np.ndarray | None = None, direct: bool = True
-    ) -> Iterator[Paths]:
+        self, settings: TraceSettings, poses: np.ndarray, radar: Radar, least: np.ndarray | None = None, direct: bool = True,
+        flat: bool | None = None,
+    ) -> Iterator[Paths]:  # fmt: skip
         """Trace the small or curved static objects in a room of flat faces one by one, because an object can have a million paths.
 
         Paths over the room whose amplitude is below `least` (F,) are left out. If `direct` is False, only the paths between these objects
-        and the room are returned.
+        and the room are returned. `flat` is True for the opaque objects of flat faces alone, and False for all others.
         """
         geometry = self.geometry
         unmoved = np.tile(np.eye(4), (len(poses), 1, 1))
@@ -199,7 +200,10 @@ class StaticScene:
         for cluster in clusters(self.surfaces, np.unique(geometry.surface[self.compact])):
             members = np.isin(geometry.surface, cluster) & self.compact
             group = Target(geometry_module.subset(geometry, members), self.table)
-            yield from coupling.group_paths(settings, group, self.beside(cluster, done), radar, poses, unmoved, least=least, direct=direct)
+            if flat is None or flat == (polygons.of(*group) is not None):
+                yield from coupling.group_paths(
+                    settings, group, self.beside(cluster, done), radar, poses, unmoved, least=least, direct=direct
+                )
             done += cluster
 
 

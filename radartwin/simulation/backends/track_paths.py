@@ -4,6 +4,8 @@ The poses share what takes long to compute. The sequences of faces and edges tha
 paths of these sequences are computed exactly at every pose. The paths between objects and the room are numerous. Over centimetres, their
 amplitudes change slowly, but their phases turn by radians. They are traced only at some poses (places) and moved to the poses around each
 place. The move keeps the amplitudes; the new lengths, directions and rates of change are exact for the first and last points of a path.
+The mirror point of a flat face moves with the radar: a box on a floor, 0.5 to 1 m away, had an error of 0.3 to 0.5 of its paths over the
+floor. Clutter of flat faces is therefore traced at every pose, except for the drives of one track (`sparse`).
 Moved paths that the radar cannot resolve become one path (`merging`). Paths of the flat room and direct echoes are not moved, because the
 phase between edge waves and specular echo changes within millimetres (error of moved paths: 0.23 of the signal).
 """
@@ -270,8 +272,9 @@ class Track:
             clutter = room.object_paths(settings, poses, radar, pruning.PAIRS * self._loudest_of(walls, len(poses)))
             return [*walls, *((merged(part, radar) for part in clutter) if self._sparse else clutter)]
         if not self._sparse:
-            alone = room.object_paths(replace(settings, coupling=False), poses, radar)
-            walls = [*walls, *(merged(part, radar) for part in alone)]
+            alone = room.object_paths(replace(settings, coupling=False), poses, radar, flat=False)
+            flat = room.object_paths(settings, poses, radar, pruning.PAIRS * self._loudest_of(walls, len(poses)), flat=True)
+            walls = [*walls, *(merged(part, radar) for paths in (alone, flat) for part in paths)]
             if not settings.coupling or settings.max_bounces == 1:
                 return walls
         return [*walls, *self._clutter(poses).seen(poses, radar.frame_rate_hz)]
@@ -301,7 +304,7 @@ class Track:
         for block in np.array_split(places, -(-len(places) // TOGETHER)):
             if not set(block) & set(index) or int(block[0]) in self._of_place:
                 continue
-            found = room.object_paths(settings, self._places[block], self._radar, least[block], direct=sparse)
+            found = room.object_paths(settings, self._places[block], self._radar, least[block], sparse, None if sparse else False)
             parts = [pruning.pruned(part, self._radar, pruning.CLUTTER) if sparse else part for part in found]
             self._of_place |= {place: [part.frames(k, k + 1) for part in parts] for k, place in enumerate(block)}
         return self._joined([index[k : k + 1] for k in range(len(index))], [self._of_place[place] for place in index])
