@@ -273,7 +273,8 @@ class Track:
             return [*walls, *((merged(part, radar) for part in clutter) if self._sparse else clutter)]
         if not self._sparse:
             alone = room.object_paths(replace(settings, coupling=False), poses, radar, flat=False)
-            flat = room.object_paths(settings, poses, radar, pruning.PAIRS * self._loudest_of(walls, len(poses)), flat=True)
+            least = pruning.PAIRS * self._loudest_of(walls, len(poses))
+            flat = room.object_paths(self._thinned(OVER_ROOM), poses, radar, least, flat=True)
             walls = [*walls, *(merged(part, radar) for paths in (alone, flat) for part in paths)]
             if not settings.coupling or settings.max_bounces == 1:
                 return walls

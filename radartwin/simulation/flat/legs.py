@@ -121,8 +121,8 @@ class Legs:
         assert self.exact is not None
         place, leg = divmod(code, len(self.order))
         side = int(np.clip(np.ceil(self.size / self.sharp[place, leg]), 4, MOST)) + 1
-        none = self, np.full(side**3, -1, np.int32), np.zeros((0, len(self.frequencies_hz)), complex)
-        _, row, field = _evaluated.get((id(self), code), none[1].nbytes, lambda: none)
+        none = np.zeros((0, len(self.frequencies_hz)), complex)
+        _, row, field = _evaluated.get((id(self), code), 4 * side**3, lambda: (self, np.full(side**3, -1, np.int32), none))
         cell = np.minimum((np.clip((points - self.low[place]) / self.size, 0, 1) * (side - 1)).astype(int), side - 2)
         near = np.zeros((side, side, side), bool)
         for corner in np.ndindex(2, 2, 2):
