@@ -334,7 +334,7 @@ class FlatRoom:
         front = np.zeros(4) if sees_behind else np.append(forward, forward @ at[0] - reach)
         cell = search.Cell(np.concatenate([at, *beside]), reach, front, 0.0)
         for longest in (min(2, max_bounces), max_bounces):  # the strongest path of the first pass sets the threshold of the second
-            beams = search.beams(self.walls, cell, longest - 1)
+            beams = search.beams(self.walls, cell, longest - 1, twice)
             parts = search.closed(self.walls, cell, beams, longest)
             closed = search.Sequences.joined([self._strong_near(part, places[0], radar, cell) for part in parts])
             # the weakest, over all places, of the strongest paths

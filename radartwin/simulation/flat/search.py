@@ -76,6 +76,23 @@ class Beams(NamedTuple):
     passed: np.ndarray
 
 
+class Ends(NamedTuple):
+    """Hold what can end a path after its last beam: D faces and the edges that the cell lights directly, and the images (D, 3) of its centre.
+
+    Attributes:
+        strength: (D,) largest field at one metre of the beam of each face.
+        edges: their labels are the numbers of the edges. through: (E,) largest transmission to each edge of the room.
+        every: whether beams that meet none of these are kept, too.
+    """
+
+    face: np.ndarray
+    image: np.ndarray
+    strength: np.ndarray
+    edges: Hierarchy
+    through: np.ndarray
+    every: bool
+
+
 @innermost
 def beam_planes(
     faces: Faces, last: int, at: Vector, radius: float, polygon: np.ndarray, count: int, front: np.ndarray, out: np.ndarray
@@ -292,13 +309,40 @@ def _place_planes(
     return bounds
 
 
+@innermost
+def _can_end(walls: Walls, cell: Cell, ends: Ends, planes: np.ndarray, bounds: int, p: int, at: Vector, strength: float) -> bool:
+    """Return whether a path over a beam of face `p`, whose image is `at`, can end over one of the faces or edges of `ends`."""
+    faces, edges, reach = walls.faces, ends.edges, cell.radius
+    for k in range(len(ends.face)):
+        image = vector(ends.image, k)
+        if ends.face[k] == p or not _within(planes, bounds, image, reach):
+            continue
+        if strength * ends.strength[k] >= cell.least * (distance(at, image) - 2 * reach):
+            return True
+    node = 0
+    while node < len(edges.box):
+        if _box_behind(planes, bounds, edges.box[node]):
+            node = edges.beyond[node]
+            continue
+        for t in range(edges.first[node], edges.stop[node]):
+            e = edges.label[t]
+            low, high = part_inside(planes, bounds, vector(faces.start, e), vector(faces.along, e), faces.length[e])
+            if low >= high or not _is_open(faces, e, vector(faces.start, e), at, reach):
+                continue
+            if _single(faces, e, walls.wavenumber, reach, strength * ends.through[e], cell.least, at, vector(cell.places, 0)):
+                return True
+        node += 1
+    return False
+
+
 @compiled
-def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, number: int) -> tuple[int, int]:
-    """Append the beams that follow beams start:stop. Returns the number of beams, and the first of the beams start:stop whose followers did
-    not fit into the arrays.
+def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, number: int, ends: Ends) -> tuple[int, int]:
+    """Append the beams that follow beams start:stop and can reach one of the `ends`. Returns the number of beams, and the first of the beams
+    start:stop whose followers did not fit into the arrays.
     """
     faces, most = walls.faces, beams.polygon.shape[1]
     planes, polygon, spare = np.empty((most + 1, 4)), np.empty((most, 3)), np.empty((most, 3))
+    ahead = np.empty((most + 1, 4))
     points, pane_ids = np.empty((beams.chain.shape[1] + 1, 3)), np.empty(MAX_PANES, np.int64)
     places, place, reach = len(cell.places), vector(cell.places, 0), cell.radius
     views, counts = np.empty((places, most + 1, 4)), np.zeros(places, np.int64)  # the bounds of the beam of each place alone
@@ -326,6 +370,11 @@ def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, number
             least = cell.least * max(away, 0.0) / BOTH
             if reflected * beams.passed[b] < max(least, 1e-30):
                 continue
+            if not ends.every:
+                image = mirrored(faces, p, at, 1.0)
+                beyond = beam_planes(faces, p, image, reach, polygon, count, cell.front, ahead)
+                if not _can_end(walls, cell, ends, ahead, beyond, p, image, reflected * beams.passed[b]):
+                    continue
             if number == len(beams.order):
                 return known, b
             beams.polygon[number, :count], beams.corners[number] = polygon[:count], count
@@ -361,22 +410,44 @@ def _longer(values: np.ndarray) -> np.ndarray:
     return out
 
 
-def beams(walls: Walls, cell: Cell, longest: int) -> Beams:
-    """Follow the beams of a cell over at most `longest` reflections. Beams too weak for `Cell.least` are left out."""
+def beams(walls: Walls, cell: Cell, longest: int, twice: bool = True) -> Beams:
+    """Follow the beams of a cell over at most `longest` reflections. Beams too weak for `Cell.least` are left out, and so are, if paths have
+    one diffraction (not `twice`), those beams of `longest` reflections that no face or edge in sight of the cell can lead back to it.
+    """
     most, capacity = walls.faces.outline.shape[1] + SPARE, 4096
     shapes = (max(longest, 1),), (), (3,), (most, 3), (), (len(cell.places),), (), ()  # in the order of Beams
     kinds = (int, int, float, float, int, bool, float, float)
     buffer = Beams(*(np.empty((capacity, *shape), kind) for shape, kind in zip(shapes, kinds, strict=True)))
     for values, first in zip(buffer, (-1, 0, cell.places[0], 0, 0, True, 1, 1), strict=True):
         values[0] = first
-    start, number = 0, 1
-    for _ in range(longest):
+    start, number, ends = 0, 1, Ends(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0), build(np.zeros((0, 3, 3)), np.zeros(0)), np.zeros(0), True)
+    for order in range(1, longest + 1):
         end = number
+        if order == longest > 1 and not twice:
+            ends = _ends(walls, cell, Beams(*(values[:number] for values in buffer)), longest)
         while start < end:
-            number, start = _grown(walls, cell, buffer, start, end, number)
+            number, start = _grown(walls, cell, buffer, start, end, number, ends)
             if start < end:
                 buffer = Beams(*map(_longer, buffer))
     return Beams(*(values[:number] for values in buffer))
+
+
+def _ends(walls: Walls, cell: Cell, beams: Beams, longest: int) -> Ends:
+    """Return what can end a path whose last beam has `longest` reflections, from beams of fewer."""
+    faces, single = walls.faces, beams.order == 1
+    face = beams.chain[single, 0]
+    height = faces.normal[face] @ cell.places[0] - faces.offset[face]
+    arrivals, passed = reached(walls, cell, Beams(*(values[:1] for values in beams)), longest + 1, False)
+    edge, through = arrivals[:, 0], np.zeros(len(faces.length))
+    through[edge] = passed
+    edges = _hierarchy(faces, edge[own_reflections(faces)[edge] == 1])
+    return Ends(face, cell.places[0] - 2 * height[:, None] * faces.normal[face], beams.strength[single], edges, through, False)
+
+
+def _hierarchy(faces: Faces, edge: np.ndarray) -> Hierarchy:
+    """Return the search tree of some edges."""
+    start, stop = faces.start[edge], faces.start[edge] + faces.length[edge, None] * faces.along[edge]
+    return build(np.stack([start, stop, stop], axis=1), edge)
 
 
 @compiled
@@ -491,8 +562,7 @@ def reached(walls: Walls, cell: Cell, beams: Beams, longest: int, twice: bool) -
     The second result is the largest transmission (M,) of the panes on the way. twice: whether paths may have two diffractions.
     """
     faces, few = walls.faces, _fewer(beams, longest)
-    ends = faces.start + faces.length[:, None] * faces.along
-    edges = build(np.stack([faces.start, ends, ends], axis=1), np.arange(len(ends)))
+    edges = _hierarchy(faces, np.arange(len(faces.length)))
 
     def written(rows: int) -> tuple[np.ndarray, np.ndarray] | None:
         out, through = np.empty((rows, 2), np.int64), np.empty(rows)
@@ -807,12 +877,16 @@ def _closed(walls: Walls, cell: Cell, beams: Beams, low: int, high: int, out: np
         if beams.order[b] == 1:
             last[beams.chain[b, 0]] = beams.strength[b]
     every, lit = np.arange(len(faces.offset)), np.flatnonzero(last)  # the sensor lights the last face, as it lights the first one
+    planes, bounds = np.empty((beams.polygon.shape[1] + 1, 4)), 0
     for b in range(low, high):
         m, at = beams.order[b], vector(beams.image, b)
+        if m:
+            bounds = beam_planes(faces, beams.chain[b, m - 1], at, reach, beams.polygon[b], beams.corners[b], cell.front, planes)
         for p in lit if m else every:
             if walls.loudness[p] == 0 or (m and p == beams.chain[b, m - 1]) or not _crosses(walls, p, at, end, reach):
                 continue
-            if m and beams.strength[b] * last[p] < cell.least * (distance(mirrored(faces, p, at, 1.0), end) - 2 * reach):
+            image = mirrored(faces, p, end, 1.0)
+            if m and (not _within(planes, bounds, image, reach) or beams.strength[b] * last[p] < cell.least * (distance(at, image) - 2 * reach)):
                 continue
             if number == len(out):
                 return -1
