@@ -65,9 +65,14 @@ def tables(read: Callable[[str], pd.DataFrame] = committed, absent: str = "") ->
 def text() -> str:
     """Return the page as Markdown."""
     parts = [INTRODUCTION]
-    for title, note, table in tables():
+    for title, note, table in tables(_of_versions):
         parts += [f"## {title}\n", *([f"{note}\n"] if note else []), markdown(table), ""]
     return "\n".join(parts)
+
+
+def _of_versions(table: str) -> pd.DataFrame:
+    """Return the rows of a committed table; those of the headline are of both versions, because the other tables are of one or the other."""
+    return pd.concat([committed(table), *([committed("version_1.0/judged_anew")] if table == "headline" else [])], ignore_index=True)
 
 
 def markdown(table: pd.DataFrame) -> str:

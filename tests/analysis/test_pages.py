@@ -49,13 +49,6 @@ def test_a_place_that_fits_no_row_is_refused(place, told, folder):
         filled(place, folder)
 
 
-def test_claims_are_found_in_their_tables():
-    made, headline = findings.claimed("registered"), committed("registered/headline").to_dict("records")
-    assert headline
-    assert all(made[row["claim of the paper"]]["value"] == row["value"] for row in headline)
-    assert not findings.claimed("absent")
-
-
 @pytest.mark.parametrize("page", [findings, readme, paper_tables, choosing])
 def test_pages_follow_from_the_committed_tables(page):
     assert page.PAGE.read_text(encoding="utf-8") == page.text()
