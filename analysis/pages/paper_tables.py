@@ -71,7 +71,7 @@ def text() -> str:
 
 
 def _of_versions(table: str) -> pd.DataFrame:
-    """Return the rows of a committed table; those of the headline are of both versions, because the other tables are of one or the other."""
+    """Return the rows of a committed table, and for the headline those of both versions, of which the other tables are."""
     return pd.concat([committed(table), *([committed("version_1.0/judged_anew")] if table == "headline" else [])], ignore_index=True)
 
 

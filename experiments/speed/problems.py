@@ -189,7 +189,7 @@ def full_wave(recording: str, scored: int) -> np.ndarray:
 
 def problems(full: bool) -> tuple[Problem, ...]:
     """Return all test problems in the order of the chart. If `full` is true, they have more frames for run times and errors."""
-    turning, driven, exact, room = (30, 25, 11, 3) if full else (16, 6, 4, 2)
+    turning, driven, exact, room = (30, 25, 11, 3) if full else (16, 6, 2, 2)
     return (
         canonical(turning, exact), near(turning, exact), empty_room(driven, room), object_in_room(turning, room),
         furnished_drive(driven, room),

@@ -5,7 +5,7 @@ from jinja2 import UndefinedError
 
 from analysis import numbers
 from analysis.pages import choosing, findings, paper_tables, readme
-from analysis.pages.template import ROOT, committed, filled
+from analysis.pages.template import ROOT, filled
 
 TABLE = """case,paper,value,low,high,draws,verdict
 void,-0.24,0.4312,0.402,0.4549,3,contradicted

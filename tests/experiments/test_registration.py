@@ -126,7 +126,9 @@ def test_a_row_that_some_registered_draws_lack_is_exploratory() -> None:
     assert headline.evidence(settings, False, 9) == "draws 100 to 109, exploratory"
 
 
-@pytest.mark.parametrize(("folders", "overrides"), [(["registered"], headline.REGISTERED_PROFILE), ([".", "draws_0_to_9"], ["profile=paper"])])
+@pytest.mark.parametrize(
+    ("folders", "overrides"), [(["registered"], headline.REGISTERED_PROFILE), ([".", "draws_0_to_9"], ["profile=paper"])]
+)
 def test_the_committed_headlines_follow_from_their_tables(folders: list[str], overrides: Sequence[str]) -> None:
     settings = compose(["experiment=headline", *overrides])
     names = {run_key(one): name for (strength, name), one in headline.tables(settings).items() if strength == headline.WHOLE}

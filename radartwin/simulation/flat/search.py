@@ -77,7 +77,7 @@ class Beams(NamedTuple):
 
 
 class Ends(NamedTuple):
-    """Hold what can end a path after its last beam: D faces and the edges that the cell lights directly, and the images (D, 3) of its centre.
+    """Hold what can end a path after its last beam: D faces and the edges that the cell sees, and the images (D, 3) of its centre.
 
     Attributes:
         strength: (D,) largest field at one metre of the beam of each face.
@@ -335,9 +335,35 @@ def _can_end(walls: Walls, cell: Cell, ends: Ends, planes: np.ndarray, bounds: i
     return False
 
 
+@innermost
+def _seen(
+    walls: Walls, cell: Cell, beams: Beams, b: int, number: int, p: int, least: float, views: np.ndarray, counts: np.ndarray,
+    points: np.ndarray, pane_ids: np.ndarray, polygon: np.ndarray, spare: np.ndarray,
+) -> float:  # fmt: skip
+    """Write which places light a part of face `p` over beam `b` to `beams.seen[number]`, and return the largest transmission to samples of
+    these parts; it is 0 if nothing is seen or all is weaker than `least`. The other arguments are memory and bounds of `_grown`.
+    """
+    faces, m, most = walls.faces, beams.order[b], beams.passed[b]
+    lit, met = 0.0, False
+    for i in range(len(cell.places)):
+        sees = _lit_part(faces, p, views[i], counts[i], 0.0, polygon, spare) if beams.seen[b, i] else 0
+        beams.seen[number, i] = sees > 0
+        source, centre, known_lit = cell.places[i], middle_of(polygon, max(sees, 1)), lit
+        for k in range(2 * sees + 1 if sees and lit < most else 0):
+            # the middle, and two points on the way to each corner, in another order for each place
+            sample = (i + k) % (2 * sees + 1) - 1
+            share = 0.0 if sample < 0 else 0.5 if sample < sees else 0.9
+            x = moved(centre, toward(centre, vector(polygon, sample % sees), 1.0), share)
+            if reflect_points(faces, source, beams.chain[b, :m], x, points, 0.0):
+                lit, met = max(lit, _passed(walls, source, points, m, x, pane_ids, least)), True
+                if known_lit > 0 or lit >= most:  # one sample of each place after a lit one
+                    break
+    return lit if met else most  # if nothing is met, only places between the tested ones see a part of the beam
+
+
 @compiled
 def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, number: int, ends: Ends) -> tuple[int, int]:
-    """Append the beams that follow beams start:stop and can reach one of the `ends`. Returns the number of beams, and the first of the beams
+    """Append the beams that follow beams start:stop and can reach one of `ends`. Returns the number of beams, and the first of the beams
     start:stop whose followers did not fit into the arrays.
     """
     faces, most = walls.faces, beams.polygon.shape[1]
@@ -352,7 +378,7 @@ def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, number
         before, at = beams.chain[b, :m], vector(beams.image, b)
         faces_of[:m] = before
         last = before[m - 1] if m else -1
-        for i in range(places):
+        for i in range(places if ends.every else 0):
             if beams.seen[b, i]:
                 counts[i] = _place_planes(faces, before, cell.places[i], cell.front, polygon, spare, views[i])
         bounds = beam_planes(faces, last, at, reach, beams.polygon[b], beams.corners[b], cell.front, planes)
@@ -370,30 +396,16 @@ def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, number
             least = cell.least * max(away, 0.0) / BOTH
             if reflected * beams.passed[b] < max(least, 1e-30):
                 continue
-            if not ends.every:
-                image = mirrored(faces, p, at, 1.0)
-                beyond = beam_planes(faces, p, image, reach, polygon, count, cell.front, ahead)
-                if not _can_end(walls, cell, ends, ahead, beyond, p, image, reflected * beams.passed[b]):
-                    continue
             if number == len(beams.order):
                 return known, b
             beams.polygon[number, :count], beams.corners[number] = polygon[:count], count
-            lit, met = 0.0, False
-            for i in range(places):
-                sees = _lit_part(faces, p, views[i], counts[i], 0.0, polygon, spare) if beams.seen[b, i] else 0
-                beams.seen[number, i] = sees > 0
-                source, centre, known_lit = cell.places[i], middle_of(polygon, max(sees, 1)), lit
-                for k in range(2 * sees + 1 if sees and lit < beams.passed[b] else 0):
-                    # the middle, and two points on the way to each corner, in another order for each place
-                    sample = (i + k) % (2 * sees + 1) - 1
-                    share = 0.0 if sample < 0 else 0.5 if sample < sees else 0.9
-                    x = moved(centre, toward(centre, vector(polygon, sample % sees), 1.0), share)
-                    if reflect_points(faces, source, before, x, points, 0.0):
-                        lit, met = max(lit, _passed(walls, source, points, m, x, pane_ids, least / reflected)), True
-                        if known_lit > 0 or lit >= beams.passed[b]:  # one sample of each place after a lit one
-                            break
-            if not met:  # only places between the tested ones see a part of the beam
-                lit = beams.passed[b]
+            if ends.every:
+                lit = _seen(walls, cell, beams, b, number, p, least / reflected, views, counts, points, pane_ids, polygon, spare)
+            else:
+                image, lit, beams.seen[number] = mirrored(faces, p, at, 1.0), beams.passed[b], beams.seen[b]
+                beyond = beam_planes(faces, p, image, reach, polygon, count, cell.front, ahead)
+                if not _can_end(walls, cell, ends, ahead, beyond, p, image, reflected * lit):
+                    continue
             if lit == 0:
                 continue
             beams.chain[number, :m], beams.chain[number, m], beams.chain[number, m + 1 :], beams.order[number] = before, p, -1, m + 1
@@ -411,8 +423,8 @@ def _longer(values: np.ndarray) -> np.ndarray:
 
 
 def beams(walls: Walls, cell: Cell, longest: int, twice: bool = True) -> Beams:
-    """Follow the beams of a cell over at most `longest` reflections. Beams too weak for `Cell.least` are left out, and so are, if paths have
-    one diffraction (not `twice`), those beams of `longest` reflections that no face or edge in sight of the cell can lead back to it.
+    """Follow the beams of a cell over at most `longest` reflections. Beams too weak for `Cell.least` are left out. If paths have one
+    diffraction (not `twice`), beams of `longest` reflections are left out if no face or edge in sight of the cell leads back to it.
     """
     most, capacity = walls.faces.outline.shape[1] + SPARE, 4096
     shapes = (max(longest, 1),), (), (3,), (most, 3), (), (len(cell.places),), (), ()  # in the order of Beams
@@ -420,7 +432,11 @@ def beams(walls: Walls, cell: Cell, longest: int, twice: bool = True) -> Beams:
     buffer = Beams(*(np.empty((capacity, *shape), kind) for shape, kind in zip(shapes, kinds, strict=True)))
     for values, first in zip(buffer, (-1, 0, cell.places[0], 0, 0, True, 1, 1), strict=True):
         values[0] = first
-    start, number, ends = 0, 1, Ends(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0), build(np.zeros((0, 3, 3)), np.zeros(0)), np.zeros(0), True)
+    start, number, ends = (
+        0,
+        1,
+        Ends(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0), build(np.zeros((0, 3, 3)), np.zeros(0)), np.zeros(0), True),
+    )
     for order in range(1, longest + 1):
         end = number
         if order == longest > 1 and not twice:
@@ -437,11 +453,19 @@ def _ends(walls: Walls, cell: Cell, beams: Beams, longest: int) -> Ends:
     faces, single = walls.faces, beams.order == 1
     face = beams.chain[single, 0]
     height = faces.normal[face] @ cell.places[0] - faces.offset[face]
-    arrivals, passed = reached(walls, cell, Beams(*(values[:1] for values in beams)), longest + 1, False)
-    edge, through = arrivals[:, 0], np.zeros(len(faces.length))
+    return Ends(
+        face, cell.places[0] - 2 * height[:, None] * faces.normal[face], beams.strength[single], *_in_sight(walls, cell, beams), False
+    )
+
+
+def _in_sight(walls: Walls, cell: Cell, beams: Beams) -> tuple[Hierarchy, np.ndarray]:
+    """Return the search tree of the edges at which a path of one reflection more than `beams` can end, because the cell sees them, and the
+    largest transmission (E,) to each edge of the room.
+    """
+    arrivals, passed = reached(walls, cell, Beams(*(values[:1] for values in beams)), 2, True)
+    edge, through = arrivals[:, 0], np.zeros(len(walls.faces.length))
     through[edge] = passed
-    edges = _hierarchy(faces, edge[own_reflections(faces)[edge] == 1])
-    return Ends(face, cell.places[0] - 2 * height[:, None] * faces.normal[face], beams.strength[single], edges, through, False)
+    return _hierarchy(walls.faces, edge[own_reflections(walls.faces)[edge] == 1]), through
 
 
 def _hierarchy(faces: Faces, edge: np.ndarray) -> Hierarchy:
@@ -452,11 +476,11 @@ def _hierarchy(faces: Faces, edge: np.ndarray) -> Hierarchy:
 
 @compiled
 def _reach(
-    walls: Walls, edges: Hierarchy, cell: Cell, beams: Beams, samples: np.ndarray, longest: int, edge_order: np.ndarray, twice: bool,
-    out: np.ndarray, through: np.ndarray,
+    walls: Walls, edges: Hierarchy, in_sight: Hierarchy, cell: Cell, beams: Beams, samples: np.ndarray, longest: int,
+    edge_order: np.ndarray, twice: bool, out: np.ndarray, through: np.ndarray,
 ) -> int:  # fmt: skip
     """Write (edge, beam) of all edges that a beam reaches, and the transmission to each; returns their number, or -1 if `out` is too short.
-    The labels of `edges` are the numbers of the edges.
+    The labels of the trees are the numbers of all edges, and of those at which a path over a beam of the most reflections can end.
 
     A path has at most `longest` reflections. If paths have one diffraction (not `twice`), a path that leaves over a beam of many
     reflections therefore returns over a beam of fewer reflections. The function has examined this beam before.
@@ -477,17 +501,15 @@ def _reach(
         last = before[m - 1] if m else -1
         if not beams.seen[b].any():
             continue
-        for i in range(len(cell.places)):
-            if beams.seen[b, i]:
-                counts[i] = _place_planes(faces, before, cell.places[i], cell.front, polygon, spare, views[i])
+        viewed, tree = False, edges if twice or m < longest - 1 else in_sight
         bounds = beam_planes(faces, last, at, reach, beams.polygon[b], beams.corners[b], cell.front, planes)
         node = 0
-        while node < len(edges.box):
-            if _box_behind(planes, bounds, edges.box[node]):
-                node = edges.beyond[node]
+        while node < len(tree.box):
+            if _box_behind(planes, bounds, tree.box[node]):
+                node = tree.beyond[node]
                 continue
-            for t in range(edges.first[node], edges.stop[node]):
-                e = edges.label[t]
+            for t in range(tree.first[node], tree.stop[node]):
+                e = tree.label[t]
                 if last >= 0 and (faces.sides[e, 0] == last or faces.sides[e, 1] == last):
                     continue
                 back = longest - edge_order[e] - m
@@ -516,10 +538,14 @@ def _reach(
                         a = before_it[a]
                 if not returns:
                     continue
+                for i in range(0 if viewed else len(cell.places)):
+                    if beams.seen[b, i]:
+                        counts[i] = _place_planes(faces, before, cell.places[i], cell.front, polygon, spare, views[i])
+                viewed = True
                 # largest transmission to samples of the part of the edge that each place lights
                 lit = 0.0
                 for i in range(len(cell.places)):
-                    if not beams.seen[b, i]:
+                    if not beams.seen[b, i] or (m and counts[i] == 0):
                         continue
                     source, known = cell.places[i], lit
                     low, high = part_inside(views[i], counts[i], start, along, faces.length[e])
@@ -563,10 +589,11 @@ def reached(walls: Walls, cell: Cell, beams: Beams, longest: int, twice: bool) -
     """
     faces, few = walls.faces, _fewer(beams, longest)
     edges = _hierarchy(faces, np.arange(len(faces.length)))
+    in_sight = edges if twice else _in_sight(walls, cell, beams)[0]
 
     def written(rows: int) -> tuple[np.ndarray, np.ndarray] | None:
         out, through = np.empty((rows, 2), np.int64), np.empty(rows)
-        number = _reach(walls, edges, cell, few, np.array(SAMPLES), longest, own_reflections(faces), twice, out, through)
+        number = _reach(walls, edges, in_sight, cell, few, np.array(SAMPLES), longest, own_reflections(faces), twice, out, through)
         return (out[:number], through[:number]) if number >= 0 else None
 
     out, through = fitted(written, 1 << 22)  # memory that nothing reads or writes costs no time
@@ -886,7 +913,9 @@ def _closed(walls: Walls, cell: Cell, beams: Beams, low: int, high: int, out: np
             if walls.loudness[p] == 0 or (m and p == beams.chain[b, m - 1]) or not _crosses(walls, p, at, end, reach):
                 continue
             image = mirrored(faces, p, end, 1.0)
-            if m and (not _within(planes, bounds, image, reach) or beams.strength[b] * last[p] < cell.least * (distance(at, image) - 2 * reach)):
+            if m and (
+                not _within(planes, bounds, image, reach) or beams.strength[b] * last[p] < cell.least * (distance(at, image) - 2 * reach)
+            ):
                 continue
             if number == len(out):
                 return -1
