@@ -26,8 +26,12 @@ def keep_freed() -> None:
 
 
 def give_back() -> None:
-    """Return freed memory, including Dr.Jit's, to the system, so that other processes can use it."""
+    """Return freed memory, including Dr.Jit's, to the system, so that other processes can use it. The first call exempts all objects that
+    are left, most of which belong to modules, from later searches for garbage, which then take a millisecond instead of 0.12 s.
+    """
     gc.collect()
+    if not gc.get_freeze_count():
+        gc.freeze()
     if "drjit" in sys.modules:
         sys.modules["drjit"].flush_malloc_cache()
     with contextlib.suppress(AttributeError, OSError, TypeError):  # another C library

@@ -123,6 +123,9 @@ simulation/flat/search: simulation/test_cells
 beam_planes | min(radius / max(away, 1e-30), 1.0) | 0.0 | the beams of a cell are those of its centre
 _cone | (radius + size) / away | size / away | the beam over a face seen edge-on is that of the centre of a cell
 
+simulation/flat/search: simulation/test_large_flats
+_can_end | strength * ends.through[e] | 0.0 | beams over which an edge leads back to the radar are left out
+
 simulation/flat/field: simulation/test_cells
 reflect_points | margin > 0 | False | a path must exist at the test place itself
 

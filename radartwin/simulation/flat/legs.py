@@ -45,7 +45,7 @@ BESIDE_M = 0.25  # a leg whose mirror point is farther than this from its face h
 ABOVE_M = 1e-4  # a leg's field is evaluated at least this far above the last face
 ROUNDED = 0.3  # the centre of the ball about an object may lie this far from the object's own centre, relative to the ball's radius
 UNDISTURBED = 1e-3  # a direct leg whose field changes by at most this needs no weight
-KEPT = 64  # number of cache entries, each for a few places
+KEPT = 32  # number of cache entries, each for a few places
 _kept: "Recent[tuple[FlatRoom, Legs]]" = Recent(KEPT)  # an entry also holds the room, so that no other room gets its id
 # The places at which the sharp fields of a grid of n^3 places are evaluated, by the id of the legs, and place * G + leg: the legs, so that
 # no others get the id, the row (n^3,) of each place, -1 for none, and the fields (K, Q) of the rows; 500 MB in all.

@@ -80,7 +80,7 @@ class Ends(NamedTuple):
     """Hold what can end a path after its last beam: D faces and the edges that the cell sees, and the images (D, 3) of its centre.
 
     Attributes:
-        strength: (D,) largest field at one metre of the beam of each face.
+        strength: (D,) largest field at one metre of the beam of each face, falling.
         edges: their labels are the numbers of the edges. through: (E,) largest transmission to each edge of the room.
         every: whether beams that meet none of these are kept, too.
     """
@@ -310,10 +310,16 @@ def _place_planes(
 
 
 @innermost
-def _can_end(walls: Walls, cell: Cell, ends: Ends, planes: np.ndarray, bounds: int, p: int, at: Vector, strength: float) -> bool:
-    """Return whether a path over a beam of face `p`, whose image is `at`, can end over one of the faces or edges of `ends`."""
+def _can_end(
+    walls: Walls, cell: Cell, ends: Ends, planes: np.ndarray, bounds: int, p: int, at: Vector, strength: float, away: float
+) -> bool:
+    """Return whether a path over a beam of face `p`, whose image is `at`, can end over one of the faces or edges of `ends`. Such a path is
+    longer than `away`.
+    """
     faces, edges, reach = walls.faces, ends.edges, cell.radius
     for k in range(len(ends.face)):
+        if strength * ends.strength[k] < cell.least * away:
+            break  # the strength falls with the index
         image = vector(ends.image, k)
         if ends.face[k] == p or not _within(planes, bounds, image, reach):
             continue
@@ -404,7 +410,7 @@ def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, number
             else:
                 image, lit, beams.seen[number] = mirrored(faces, p, at, 1.0), beams.passed[b], beams.seen[b]
                 beyond = beam_planes(faces, p, image, reach, polygon, count, cell.front, ahead)
-                if not _can_end(walls, cell, ends, ahead, beyond, p, image, reflected * lit):
+                if not _can_end(walls, cell, ends, ahead, beyond, p, image, reflected * lit, away):
                     continue
             if lit == 0:
                 continue
@@ -450,7 +456,8 @@ def beams(walls: Walls, cell: Cell, longest: int, twice: bool = True) -> Beams:
 
 def _ends(walls: Walls, cell: Cell, beams: Beams, longest: int) -> Ends:
     """Return what can end a path whose last beam has `longest` reflections, from beams of fewer."""
-    faces, single = walls.faces, beams.order == 1
+    faces, single = walls.faces, np.flatnonzero(beams.order == 1)
+    single = single[np.argsort(-beams.strength[single], kind="stable")]
     face = beams.chain[single, 0]
     height = faces.normal[face] @ cell.places[0] - faces.offset[face]
     return Ends(
