@@ -438,11 +438,8 @@ def beams(walls: Walls, cell: Cell, longest: int, twice: bool = True) -> Beams:
     buffer = Beams(*(np.empty((capacity, *shape), kind) for shape, kind in zip(shapes, kinds, strict=True)))
     for values, first in zip(buffer, (-1, 0, cell.places[0], 0, 0, True, 1, 1), strict=True):
         values[0] = first
-    start, number, ends = (
-        0,
-        1,
-        Ends(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0), build(np.zeros((0, 3, 3)), np.zeros(0)), np.zeros(0), True),
-    )
+    start, number, none = 0, 1, build(np.zeros((0, 3, 3)), np.zeros(0))
+    ends = Ends(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0), none, np.zeros(0), True)
     for order in range(1, longest + 1):
         end = number
         if order == longest > 1 and not twice:
@@ -460,9 +457,8 @@ def _ends(walls: Walls, cell: Cell, beams: Beams, longest: int) -> Ends:
     single = single[np.argsort(-beams.strength[single], kind="stable")]
     face = beams.chain[single, 0]
     height = faces.normal[face] @ cell.places[0] - faces.offset[face]
-    return Ends(
-        face, cell.places[0] - 2 * height[:, None] * faces.normal[face], beams.strength[single], *_in_sight(walls, cell, beams), False
-    )
+    image = cell.places[0] - 2 * height[:, None] * faces.normal[face]
+    return Ends(face, image, beams.strength[single], *_in_sight(walls, cell, beams), False)
 
 
 def _in_sight(walls: Walls, cell: Cell, beams: Beams) -> tuple[Hierarchy, np.ndarray]:
