@@ -41,8 +41,8 @@ MAX_FACES = 20_000  # rooms with more flat faces are traced by tubes, with a war
 THIN_M = 0.0115
 
 
-KEPT_FACES = 60_000  # largest number of faces of all cached rooms together; each takes some kilobytes
-_static_scenes: "Recent[StaticScene]" = Recent(KEPT_FACES)
+# Prepared static surfaces, which together have at most CACHED_FACES faces.
+_static_scenes: "Recent[StaticScene]" = Recent(geometry_module.CACHED_FACES)
 atexit.register(_static_scenes.clear)
 
 

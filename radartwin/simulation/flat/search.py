@@ -347,7 +347,8 @@ def _seen(
     points: np.ndarray, pane_ids: np.ndarray, polygon: np.ndarray, spare: np.ndarray,
 ) -> float:  # fmt: skip
     """Write which places light a part of face `p` over beam `b` to `beams.seen[number]`, and return the largest transmission to samples of
-    these parts; it is 0 if nothing is seen or all is weaker than `least`. The other arguments are memory and bounds of `_grown`.
+    these parts: 0 if all samples are blocked or weaker than `least`, that of beam `b` if no place meets a sample. The other arguments are
+    memory and bounds of `_grown`.
     """
     faces, m, most = walls.faces, beams.order[b], beams.passed[b]
     lit, met = 0.0, False
@@ -369,7 +370,7 @@ def _seen(
 
 @compiled
 def _grown(walls: Walls, cell: Cell, beams: Beams, start: int, stop: int, number: int, ends: Ends) -> tuple[int, int]:
-    """Append the beams that follow beams start:stop and can reach one of `ends`. Returns the number of beams, and the first of the beams
+    """Append the beams that follow beams start:stop, unless `ends` leaves them out. Returns the number of beams, and the first of the beams
     start:stop whose followers did not fit into the arrays.
     """
     faces, most = walls.faces, beams.polygon.shape[1]
@@ -430,7 +431,8 @@ def _longer(values: np.ndarray) -> np.ndarray:
 
 def beams(walls: Walls, cell: Cell, longest: int, twice: bool = True) -> Beams:
     """Follow the beams of a cell over at most `longest` reflections. Beams too weak for `Cell.least` are left out. If paths have one
-    diffraction (not `twice`), beams of `longest` reflections are left out if no face or edge in sight of the cell leads back to it.
+    diffraction (not `twice`), beams of `longest` > 1 reflections are left out if no face or edge in sight of the cell leads back to it, and
+    the others keep what the places see over the beam before, and its transmission.
     """
     most, capacity = walls.faces.outline.shape[1] + SPARE, 4096
     shapes = (max(longest, 1),), (), (3,), (most, 3), (), (len(cell.places),), (), ()  # in the order of Beams
@@ -443,7 +445,7 @@ def beams(walls: Walls, cell: Cell, longest: int, twice: bool = True) -> Beams:
     for order in range(1, longest + 1):
         end = number
         if order == longest > 1 and not twice:
-            ends = _ends(walls, cell, Beams(*(values[:number] for values in buffer)), longest)
+            ends = _ends(walls, cell, Beams(*(values[:number] for values in buffer)))
         while start < end:
             number, start = _grown(walls, cell, buffer, start, end, number, ends)
             if start < end:
@@ -451,8 +453,8 @@ def beams(walls: Walls, cell: Cell, longest: int, twice: bool = True) -> Beams:
     return Beams(*(values[:number] for values in buffer))
 
 
-def _ends(walls: Walls, cell: Cell, beams: Beams, longest: int) -> Ends:
-    """Return what can end a path whose last beam has `longest` reflections, from beams of fewer."""
+def _ends(walls: Walls, cell: Cell, beams: Beams) -> Ends:
+    """Return what can end a path over a last beam that follows one of `beams`."""
     faces, single = walls.faces, np.flatnonzero(beams.order == 1)
     single = single[np.argsort(-beams.strength[single], kind="stable")]
     face = beams.chain[single, 0]
