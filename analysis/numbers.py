@@ -32,9 +32,9 @@ class Number(NamedTuple):
 
 
 def tables(folder: Path = RESULTS) -> dict[str, set[float]]:
-    """Return all numbers of each committed table, those of the registered draws and of version 1.0 included."""
+    """Return all numbers of each committed table, those of the registered draws and of the headline of version 1.0 included."""
     known = defaultdict(set)
-    for file in (file for part in (".", "registered", "version_1.0") for file in (folder / part).glob("*.csv")):
+    for file in (file for part in ("*", "registered/*", "version_1.0/judged_anew") for file in folder.glob(f"{part}.csv")):
         with file.open(encoding="utf-8", newline="") as stream:
             known[file.stem] |= {value for row in csv.reader(stream) for cell in row for value in _values(cell)}
     return known

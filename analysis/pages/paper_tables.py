@@ -71,7 +71,7 @@ def text() -> str:
 
 
 def _of_versions(table: str) -> pd.DataFrame:
-    """Return the rows of a committed table, and for the headline those of both versions, of which the other tables are."""
+    """Return the rows of a committed table, and those of both versions for the headline, because some tables are of version 1.0."""
     return pd.concat([committed(table), *([committed("version_1.0/judged_anew")] if table == "headline" else [])], ignore_index=True)
 
 

@@ -223,6 +223,17 @@ def _box_behind(planes: np.ndarray, count: int, box: np.ndarray) -> bool:
 
 
 @innermost
+def _leaf(tree: Hierarchy, node: int, planes: np.ndarray, count: int) -> int:
+    """Return the first leaf from box `node` on that is not wholly behind one of the planes (count, 4), else the number of boxes."""
+    while node < len(tree.box):
+        behind = _box_behind(planes, count, tree.box[node])
+        if not behind and tree.first[node] < tree.stop[node]:
+            break
+        node = tree.beyond[node] if behind else node + 1
+    return node
+
+
+@innermost
 def _passed(walls: Walls, start: Point, points: np.ndarray, count: int, end: Point, pane_ids: np.ndarray, least: float) -> float:
     """Return the product of the largest transmission coefficients of the panes on the path from `start` via `points` (count, 3) to `end`.
 
@@ -325,11 +336,8 @@ def _can_end(
             continue
         if strength * ends.strength[k] >= cell.least * (distance(at, image) - 2 * reach):
             return True
-    node = 0
+    node = _leaf(edges, 0, planes, bounds)
     while node < len(edges.box):
-        if _box_behind(planes, bounds, edges.box[node]):
-            node = edges.beyond[node]
-            continue
         for t in range(edges.first[node], edges.stop[node]):
             e = edges.label[t]
             low, high = part_inside(planes, bounds, vector(faces.start, e), vector(faces.along, e), faces.length[e])
@@ -337,7 +345,7 @@ def _can_end(
                 continue
             if _single(faces, e, walls.wavenumber, reach, strength * ends.through[e], cell.least, at, vector(cell.places, 0)):
                 return True
-        node += 1
+        node = _leaf(edges, node + 1, planes, bounds)
     return False
 
 
@@ -508,11 +516,8 @@ def _reach(
             continue
         viewed, tree = False, edges if twice or m < longest - 1 else in_sight
         bounds = beam_planes(faces, last, at, reach, beams.polygon[b], beams.corners[b], cell.front, planes)
-        node = 0
+        node = _leaf(tree, 0, planes, bounds)
         while node < len(tree.box):
-            if _box_behind(planes, bounds, tree.box[node]):
-                node = tree.beyond[node]
-                continue
             for t in range(tree.first[node], tree.stop[node]):
                 e = tree.label[t]
                 if last >= 0 and (faces.sides[e, 0] == last or faces.sides[e, 1] == last):
@@ -573,7 +578,7 @@ def _reach(
                 if 2 * m < longest:
                     newest[e, m], before_it[number] = number, newest[e, m]
                 number += 1
-            node += 1
+            node = _leaf(tree, node + 1, planes, bounds)
     return number
 
 
