@@ -601,7 +601,9 @@ def _evaluate(
             continue
         if panes:  # the field again, now through the panes
             _carry(walls, edge[s], edges, antenna, twice, True, path)
-            _received(field, transverse(antenna, back), factor, level)
+            if _received(field, transverse(antenna, back), factor, level) < least[pose[n]]:
+                length[n, 0] = WEAK
+                continue
         for q in range(len(level)):
             amplitude[n, q] = level[q]
         _met(path, edges, met[n])

@@ -117,6 +117,13 @@ class FlatRoom:
         return self._middle._replace(tree=obstacles.build(np.zeros((0, 3, 3)), np.zeros(0, int)))
 
     @cached_property
+    def _panes(self) -> field.Walls:
+        """Return the walls with the coefficients in the middle of the sweep, where nothing blocks except for what the panes take."""
+        tree, panes = self.blocking, ~self.table.opaque[self.blocking.label]
+        corners = np.stack([tree.corner, tree.corner + tree.edge_a, tree.corner + tree.edge_b], axis=1)[panes]
+        return self._middle._replace(tree=obstacles.build(corners, tree.label[panes]))
+
+    @cached_property
     def loudness(self) -> np.ndarray:
         """Return the largest reflection coefficient (P,) of each face, and zero for a face that paths may not use."""
         largest = np.maximum(np.abs(self.table.te).max(axis=(1, 2)), np.abs(self.table.tm).max(axis=(1, 2)))
@@ -256,9 +263,9 @@ class FlatRoom:
         double = every.edge[:, 1] >= 0
         for three, loudest in zip(beside, strongest, strict=True):
             limit = np.where(double, LATE, EARLY) * prune * loudest
-            near = self._levels(every, np.arange(len(every)), three[0], radar, 0.0, self._unblocked, margin)[1] > EARLY * limit
+            near = self._levels(every, np.arange(len(every)), three[0], radar, 0.0, self._panes, margin)[1] > EARLY * limit
             pairs = self._strong_at(every, np.flatnonzero(near & double), three, radar, limit, self._middle)[0]
-            strong, exists = self._strong_at(every, np.flatnonzero(near & ~double), three, radar, limit, self._unblocked)
+            strong, exists = self._strong_at(every, np.flatnonzero(near & ~double), three, radar, limit, self._panes)
             out.append(every.where(pairs | strong | (near & ~double & ~exists)))
         return out
 
