@@ -15,7 +15,7 @@ from radartwin.simulation import variant
 from radartwin.simulation.backends import mitsuba, static_scene
 from radartwin.simulation.backends.static_scene import StaticScene
 from radartwin.simulation.flat import search
-from radartwin.simulation.flat.room import RoomWarning
+from radartwin.simulation.flat.room import FlatRoom, RoomWarning
 from radartwin.simulation.paths import Paths
 from radartwin.simulation.pruning import PRUNE
 
@@ -67,6 +67,17 @@ def test_last_beams_that_nothing_leads_back_carry_no_path(monkeypatch: pytest.Mo
     found.append(static.room.searched(poses, RADAR, 4, weak, diffractions=1))
     few, all_beams = (strengths(static.room_paths(poses, RADAR, 4, weak, one)) for one in found)
     np.testing.assert_array_equal(few, all_beams)
+
+
+def test_sequences_left_out_behind_panes_carry_no_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    static, poses = of_flat(100)
+    found = [static.room.searched(poses, RADAR, 4, PRUNE)]
+    monkeypatch.setattr(FlatRoom, "_panes", FlatRoom._unblocked)
+    found.append(replace(static.room).searched(poses, RADAR, 4, PRUNE))
+    few, many = (np.mean([len(kept) for kept in one.of_test]) for one in found)
+    assert few < 0.7 * many
+    weakened, unblocked = (strengths(static.room_paths(poses, RADAR, 4, PRUNE, one)) for one in found)
+    np.testing.assert_array_equal(weakened, unblocked)
 
 
 def test_room_of_too_many_faces_is_traced_by_tubes_with_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:

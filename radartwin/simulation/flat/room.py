@@ -263,15 +263,15 @@ class FlatRoom:
         double = every.edge[:, 1] >= 0
         for three, loudest in zip(beside, strongest, strict=True):
             limit = np.where(double, LATE, EARLY) * prune * loudest
-            near = self._levels(every, np.arange(len(every)), three[0], radar, 0.0, self._panes, margin)[1] > EARLY * limit
+            near = self._strong_at(every, np.arange(len(every)), three, radar, EARLY * limit, self._panes, margin)[0]
             pairs = self._strong_at(every, np.flatnonzero(near & double), three, radar, limit, self._middle)[0]
             strong, exists = self._strong_at(every, np.flatnonzero(near & ~double), three, radar, limit, self._panes)
             out.append(every.where(pairs | strong | (near & ~double & ~exists)))
         return out
 
     def _strong_at(
-        self, every: search.Sequences, which: np.ndarray, poses: np.ndarray, radar: Radar, limit: np.ndarray,
-        walls: field.Walls,
+        self, every: search.Sequences, which: np.ndarray, poses: np.ndarray, radar: Radar, limit: np.ndarray, walls: field.Walls,
+        margin: float = 0.0,
     ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
         """Return which of the K sequences, of those with the indices `which`, have a level above `limit` (K,) at one of several poses, and
         which exist there.
@@ -280,7 +280,7 @@ class FlatRoom:
         for pose in poses:
             which = which[~strong[which]]
             least = self._least(radar, float(limit[which].min(initial=np.inf)))
-            there, level = self._levels(every, which, pose, radar, least, walls)
+            there, level = self._levels(every, which, pose, radar, least, walls, margin)
             exists[which] |= there
             strong[which] = level > limit[which]
         return strong, exists
