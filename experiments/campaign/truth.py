@@ -47,7 +47,6 @@ OFF_AXIS = 3.0  # the spacing of traced angles allows for errors of placement an
 # Gaps that change neither room nor stand; `contents` does not, because there is no vessel among them
 OF_TARGET = ("trajectory", "placement", "contents", "object_shape", "object_material", "person")
 RUNNING = ("turntable_motor", "turntable_gear")  # fixtures that warm up while the turntable turns
-CACHED_TRACKS = 2
 DRAW_STEP = 1000  # draw d of seed s has the seeds of draw 0 of seed s + 1000 d
 PERSON_RAYS = 0.1  # ray tubes per square wavelength on the person
 
@@ -371,11 +370,11 @@ def _carrier(place: _Place, root: int) -> np.ndarray | float:
 
 _creeping: Recent[np.ndarray] = Recent(1)  # the signals of the last room in the states of its drift
 _running: Recent[np.ndarray] = Recent(1)  # the signals of the last stand's motor and gear in the states of their drift
-_tracks: Recent[Track] = Recent(CACHED_TRACKS)
+_tracks: Recent[Track] = Recent(1)
 
 
 def _drives(case: Case, place: _Place, root: int) -> Track:
-    """Return the traced track (path of the radar in a room) of a case. The last ones are cached, because several objects share a track."""
+    """Return the traced track (path of the radar in a room) of a case. The last one is cached, because several objects share a track."""
     motion = case.motion if case.motion in ROVER else "bench"
     radar = place.radar if case.motion in ROVER else replace(place.radar, num_chirps=1)  # all chirps of a resting radar are equal
     key = f"{case.room} {motion} {root} {_of_room(place.gaps)} {place.settings} {radar} {place.log.sensor_poses.tobytes().hex()}"
