@@ -69,8 +69,9 @@ def number(text: str | float) -> str:
             return text if text.isdigit() else number(float(text))
         except ValueError:
             return text.replace("|", "/")
+    text = text if abs(text) > 1e-9 else 0.0  # the mean of equal differences can be -1e-17
     size = abs(text)
-    return f"{text:.1g}" if 1e-9 < size < 0.005 else f"{text:.{2 if size < 10 else 1 if size < 100 else 0}f}"
+    return f"{text:.1g}" if 0 < size < 0.005 else f"{text:.{2 if size < 10 else 1 if size < 100 else 0}f}"
 
 
 def interval(row: Row) -> str:
