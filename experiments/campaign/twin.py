@@ -37,7 +37,6 @@ from radartwin.store.products import Store
 from radartwin.store.recent import Recent
 
 
-
 def specification(case: Case, nominal: Log, config: Config, materials: MaterialsConfig, store: Store) -> dict[str, Any]:
     """Return the specification of a simulated recording. The specification decides the recording's store key."""
     spec: dict[str, Any] = {
