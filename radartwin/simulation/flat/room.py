@@ -249,7 +249,7 @@ class FlatRoom:
 
         A path can be weak at a place, and strong beside it, so each place stands for three. What blocks a path at a place may not block it
         beside the place, so nothing blocks paths with fewer than two diffractions here. Panes weaken them, because most are weak behind
-        walls; a path that passes a door only between the three places is lost. Of the many paths with two diffractions, the function
+        walls; a path that is strong only between the three places is lost. Of the many paths with two diffractions, the function
         keeps those that are seen and strong at one of the three places.
         """
         every = self._sequences(places, eyes, radar, max_bounces, EARLY * prune, twice)
