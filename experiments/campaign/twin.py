@@ -121,11 +121,11 @@ def _families(config: Config, case: Case) -> tuple[str, ...]:
     return families_of(config.features if fit else FeaturesConfig(), case.motion)
 
 
-_tracks: Recent[Track] = Recent(1)
+_tracks: Recent[Track] = Recent(2)  # simulator=auto can choose other settings for another object
 
 
 def _track(case: Case, room: Scene, settings: Any, radar: Any, nominal: Log, known: str) -> Track:
-    """Return the traced track of a case; the last one is cached. The text `known` lists all settings that change the room's model."""
+    """Return the traced track of a case; the last ones are cached. The text `known` lists all settings that change the room's model."""
     motion = case.motion if case.motion in ROVER else "bench"
     key = f"{case.room} {motion} {known} {settings} {radar} {nominal.sensor_poses.tobytes().hex()}"
 

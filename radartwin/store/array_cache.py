@@ -19,7 +19,7 @@ from radartwin.io import files
 
 T = TypeVar("T")
 Arrays = Mapping[str, np.ndarray]
-IN_MEMORY_BYTES = 250_000_000  # largest size of the entries held in memory together
+IN_MEMORY_BYTES = 500_000_000  # largest size of the entries held in memory together
 MAX_BYTES = 100_000_000  # size limit of a cache folder; larger entries are not written
 _SUFFIX = ".npz"
 
